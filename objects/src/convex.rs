@@ -1,0 +1,232 @@
+//! A convex body that is held against a surface: a box or the hull of some points.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// Most planes a [`ConvexBody`] may have.
+pub const MAX_PLANES: usize = 60;
+
+/// A closed convex body as half-spaces `normal . x <= offset` and its corners, in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvexBody {
+    /// Outward unit normals and offsets (metres).
+    pub planes: Vec<(Vector3<f64>, f64)>,
+    /// Corners, metres.
+    pub vertices: Vec<Point3<f64>>,
+}
+
+impl ConvexBody {
+    /// A box of full size `size_m`, at the pose `frame_from_box`.
+    pub fn cuboid(size_m: Vector3<f64>, frame_from_box: &Isometry3<f64>) -> Self {
+        let half = size_m / 2.0;
+        let planes = (0..6)
+            .map(|i| {
+                let axis = i % 3;
+                let sign = if i < 3 { 1.0 } else { -1.0 };
+                let mut n = Vector3::zeros();
+                n[axis] = sign;
+                let normal = frame_from_box.rotation * n;
+                let offset = half[axis] + normal.dot(&frame_from_box.translation.vector);
+                (normal, offset)
+            })
+            .collect();
+        let vertices = (0..8)
+            .map(|i| {
+                let corner = Point3::new(
+                    if i & 1 == 0 { -half.x } else { half.x },
+                    if i & 2 == 0 { -half.y } else { half.y },
+                    if i & 4 == 0 { -half.z } else { half.z },
+                );
+                frame_from_box * corner
+            })
+            .collect();
+        Self { planes, vertices }
+    }
+
+    /// The hull of some points, or `None` if they span no volume or need over [`MAX_PLANES`].
+    pub fn hull(points: &[Point3<f64>]) -> Option<Self> {
+        let (lo, hi) = bounds(points);
+        let centre = nalgebra::center(&lo, &hi);
+        let size = (hi - lo).norm();
+        let local: Vec<parry3d::math::Vector> = points
+            .iter()
+            .map(|p| {
+                let q = (p - centre) / size;
+                parry3d::math::Vector::new(q.x as f32, q.y as f32, q.z as f32)
+            })
+            .collect();
+        let (corners, faces) = parry3d::transformation::try_convex_hull(&local).ok()?;
+        let vertices: Vec<Point3<f64>> = corners
+            .iter()
+            .map(|v| {
+                // Back to the exact input point, so that f32 does not leak into the shape.
+                let q = centre
+                    + Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z)) * size;
+                *points
+                    .iter()
+                    .min_by(|a, b| (*a - q).norm_squared().total_cmp(&(*b - q).norm_squared()))
+                    .expect("a hull has corners")
+            })
+            .collect();
+        let mut planes: Vec<(Vector3<f64>, f64)> = Vec::new();
+        for f in &faces {
+            let [a, b, c] = f.map(|i| vertices[i as usize]);
+            let Some(normal) = (b - a).cross(&(c - a)).try_normalize(1e-12) else {
+                continue;
+            };
+            // The support in this direction makes the plane contain every corner.
+            let offset = vertices
+                .iter()
+                .map(|v| normal.dot(&v.coords))
+                .fold(f64::MIN, f64::max);
+            let known = planes
+                .iter()
+                .any(|(n, d)| n.dot(&normal) > 1.0 - 1e-9 && (d - offset).abs() < 1e-9);
+            if !known {
+                planes.push((normal, offset));
+            }
+        }
+        (planes.len() >= 4 && planes.len() <= MAX_PLANES).then_some(Self { planes, vertices })
+    }
+
+    /// The body in another frame.
+    pub fn transformed(&self, frame_from_body: &Isometry3<f64>) -> Self {
+        Self {
+            planes: self
+                .planes
+                .iter()
+                .map(|(n, d)| {
+                    let normal = frame_from_body.rotation * n;
+                    (normal, d + normal.dot(&frame_from_body.translation.vector))
+                })
+                .collect(),
+            vertices: self.vertices.iter().map(|v| frame_from_body * v).collect(),
+        }
+    }
+
+    /// Axis-aligned box, metres.
+    pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
+        bounds(&self.vertices)
+    }
+
+    /// Mean of the corners: a point inside.
+    pub fn centre(&self) -> Point3<f64> {
+        let sum: Vector3<f64> = self.vertices.iter().map(|v| v.coords).sum();
+        Point3::from(sum / self.vertices.len() as f64)
+    }
+
+    /// Is the point inside or on the border?
+    pub fn contains(&self, point: &Point3<f64>) -> bool {
+        self.planes.iter().all(|(n, d)| n.dot(&point.coords) <= *d)
+    }
+}
+
+fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+    points
+        .iter()
+        .fold((points[0], points[0]), |(lo, hi), p| (lo.inf(p), hi.sup(p)))
+}
+
+/// A convex polygon of at most `3 + MAX_PLANES` corners on the stack, f32, metres.
+#[derive(Clone, Copy)]
+pub struct Polygon {
+    corners: [Vector3<f32>; 3 + MAX_PLANES + 1],
+    len: usize,
+}
+
+impl Polygon {
+    /// The triangle as a polygon.
+    #[inline]
+    pub fn triangle(t: &[Vector3<f32>; 3]) -> Self {
+        let mut corners = [Vector3::zeros(); 3 + MAX_PLANES + 1];
+        corners[..3].copy_from_slice(t);
+        Self { corners, len: 3 }
+    }
+
+    /// Its corners in order.
+    #[inline]
+    pub fn corners(&self) -> &[Vector3<f32>] {
+        &self.corners[..self.len]
+    }
+
+    /// Cuts away what lies beyond `normal . x <= offset`; returns whether anything is left.
+    ///
+    /// I. Sutherland and G. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974.
+    #[inline]
+    pub fn clip(&mut self, normal: &Vector3<f32>, offset: f32) -> bool {
+        let mut distances = [0.0f32; 3 + MAX_PLANES + 1];
+        let mut outside = 0;
+        for (d, c) in distances.iter_mut().zip(self.corners()) {
+            *d = normal.dot(c) - offset;
+            outside += usize::from(*d > 0.0);
+        }
+        if outside == 0 {
+            return true;
+        }
+        if outside == self.len {
+            self.len = 0;
+            return false;
+        }
+        let mut out = [Vector3::zeros(); 3 + MAX_PLANES + 1];
+        let mut n = 0;
+        for i in 0..self.len {
+            let j = if i + 1 == self.len { 0 } else { i + 1 };
+            let (a, b) = (self.corners[i], self.corners[j]);
+            let (da, db) = (distances[i], distances[j]);
+            if da <= 0.0 {
+                out[n] = a;
+                n += 1;
+            }
+            if (da <= 0.0) != (db <= 0.0) {
+                out[n] = a + (b - a) * (da / (da - db));
+                n += 1;
+            }
+        }
+        self.corners[..n].copy_from_slice(&out[..n]);
+        self.len = n;
+        n > 0
+    }
+
+    /// Area vector: half the sum of the cross products, m2.
+    pub fn area(&self) -> f32 {
+        let c = self.corners();
+        let mut sum = Vector3::zeros();
+        for i in 2..c.len() {
+            sum += (c[i - 1] - c[0]).cross(&(c[i] - c[0]));
+        }
+        0.5 * sum.norm()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hull_of_a_box_is_the_box() {
+        let pose = Isometry3::new(Vector3::new(0.3, 0.1, -0.2), Vector3::new(0.2, -0.4, 0.9));
+        let cuboid = ConvexBody::cuboid(Vector3::new(0.02, 0.03, 0.05), &pose);
+        let hull = ConvexBody::hull(&cuboid.vertices).unwrap();
+        assert_eq!(hull.planes.len(), 6);
+        assert_eq!(hull.vertices.len(), 8);
+        for (n, d) in &hull.planes {
+            let twin = cuboid.planes.iter().find(|(m, _)| m.dot(n) > 1.0 - 1e-9);
+            assert!((twin.unwrap().1 - d).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn clipping_a_triangle_by_a_box_leaves_the_area_inside() {
+        let t = [
+            Vector3::new(-1.0, -1.0, 0.0),
+            Vector3::new(3.0, -1.0, 0.0),
+            Vector3::new(-1.0, 3.0, 0.0),
+        ];
+        let cuboid = ConvexBody::cuboid(Vector3::new(2.0, 2.0, 2.0), &Isometry3::identity());
+        let mut p = Polygon::triangle(&t);
+        for (n, d) in &cuboid.planes {
+            assert!(p.clip(&n.map(|x| x as f32), *d as f32));
+        }
+        // The hypotenuse x + y = 2 touches the square [-1, 1]^2 only at (1, 1).
+        assert!((p.area() - 4.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,11 @@
+//! Which file is this, and what mesh does it hold? Readers for OBJ, STL, PLY, glTF/GLB and OFF.
+
+pub mod gltf;
+pub mod obj;
+pub mod off;
+pub mod ply;
+pub mod stl;
+
+mod read;
+
+pub use read::{MeshFormat, parse_mesh, read_mesh};

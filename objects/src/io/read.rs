@@ -1,0 +1,92 @@
+//! Recognises a mesh file by its content and hands it to the right reader.
+
+use std::fs;
+use std::path::Path;
+
+use super::{gltf, obj, off, ply, stl};
+use crate::error::{ObjectError, Place};
+use crate::mesh::{MeshReport, RawMesh, TriMesh};
+
+/// The mesh formats that can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MeshFormat {
+    /// Wavefront OBJ.
+    Obj,
+    /// Stereolithography, text or binary.
+    Stl,
+    /// Polygon file format, text or binary.
+    Ply,
+    /// glTF 2.0, JSON or GLB.
+    Gltf,
+    /// Object file format.
+    Off,
+}
+
+impl MeshFormat {
+    /// The format of a file: by its first bytes where they tell, by its name otherwise.
+    pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
+        let extension = path
+            .extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase())
+            .unwrap_or_default();
+        let head = bytes.get(..4).unwrap_or(bytes);
+        if head == b"glTF" {
+            return Some(Self::Gltf);
+        }
+        if head.starts_with(b"ply") {
+            return Some(Self::Ply);
+        }
+        if head.starts_with(b"OFF") || head.starts_with(b"COFF") {
+            return Some(Self::Off);
+        }
+        match extension.as_str() {
+            "obj" => Some(Self::Obj),
+            "stl" => Some(Self::Stl),
+            "gltf" | "glb" => Some(Self::Gltf),
+            "ply" => Some(Self::Ply),
+            "off" => Some(Self::Off),
+            _ => None,
+        }
+    }
+}
+
+/// Returns the validated mesh of a file, in file units, and what was mended.
+///
+/// # Errors
+/// [`ObjectError`] naming the file, the line or face, and the mend.
+pub fn read_mesh(path: &Path) -> Result<(TriMesh, MeshReport), ObjectError> {
+    let bytes = fs::read(path).map_err(|e| ObjectError::io(path, e))?;
+    parse_mesh(&bytes, path)
+}
+
+/// Like [`read_mesh`], of bytes at hand; `path` tells the name, and where glTF buffers lie.
+///
+/// # Errors
+/// As [`read_mesh`].
+pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<(TriMesh, MeshReport), ObjectError> {
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(ObjectError::bad(
+            path,
+            Place::Whole,
+            "the file is empty",
+            "export the mesh again",
+        ));
+    }
+    let format = MeshFormat::detect(bytes, path).ok_or_else(|| {
+        ObjectError::bad(
+            path,
+            Place::Whole,
+            "not a mesh format that is known here",
+            "use OBJ, STL, PLY, glTF/GLB or OFF, with that extension",
+        )
+    })?;
+    let raw: RawMesh = match format {
+        MeshFormat::Obj => obj::parse(bytes, path)?,
+        MeshFormat::Stl => stl::parse(bytes, path)?,
+        MeshFormat::Ply => ply::parse(bytes, path)?,
+        MeshFormat::Gltf => gltf::parse(bytes, path)?,
+        MeshFormat::Off => off::parse(bytes, path)?,
+    };
+    TriMesh::from_raw(raw, path)
+}

@@ -1,0 +1,27 @@
+//! What is grasped: geometry with mass.
+//!
+//! A mesh file becomes a validated [`TriMesh`] in metres ([`io`]), gets mass properties
+//! ([`MassProperties`]), a [`Surface`] index that answers "what touches this convex body?", convex
+//! pieces ([`pieces`]) and a signed distance grid ([`SdfGrid`]). [`Object`] ties them together;
+//! [`set`] reads object sets, and [`shapes`] draws the embedded household objects.
+
+pub mod convex;
+pub mod error;
+pub mod io;
+pub mod mass;
+pub mod mesh;
+pub mod object;
+pub mod pieces;
+pub mod sdf;
+pub mod set;
+pub mod shapes;
+pub mod surface;
+pub mod triangle;
+
+pub use convex::ConvexBody;
+pub use error::{ObjectError, Place};
+pub use mass::MassProperties;
+pub use mesh::{MeshReport, TriMesh};
+pub use object::{Object, ObjectSpec};
+pub use sdf::{Normalisation, SdfGrid};
+pub use surface::Surface;
