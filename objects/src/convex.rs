@@ -126,19 +126,21 @@ fn bounds(points: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
         .fold((points[0], points[0]), |(lo, hi), p| (lo.inf(p), hi.sup(p)))
 }
 
-/// A convex polygon of at most `3 + MAX_PLANES` corners on the stack, f32, metres.
+/// A convex polygon on the stack: a triangle cut by at most `N - 3` planes, f32, metres.
 #[derive(Clone, Copy)]
-pub struct Polygon {
-    corners: [Vector3<f32>; 3 + MAX_PLANES + 1],
+pub struct Polygon<const N: usize> {
+    corners: [Vector3<f32>; N],
     len: usize,
 }
 
-impl Polygon {
+impl<const N: usize> Polygon<N> {
     /// The triangle as a polygon.
     #[inline]
     pub fn triangle(t: &[Vector3<f32>; 3]) -> Self {
-        let mut corners = [Vector3::zeros(); 3 + MAX_PLANES + 1];
-        corners[..3].copy_from_slice(t);
+        // Every slot below `len` is written before it is read; a corner is as good as zeros.
+        let mut corners = [t[0]; N];
+        corners[1] = t[1];
+        corners[2] = t[2];
         Self { corners, len: 3 }
     }
 
@@ -150,38 +152,31 @@ impl Polygon {
 
     /// Cuts away what lies beyond `normal . x <= offset`; returns whether anything is left.
     ///
-    /// I. Sutherland and G. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974.
+    /// I. Sutherland and G. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974. In place: a
+    /// cut of a convex polygon never writes past what it has read.
     #[inline]
     pub fn clip(&mut self, normal: &Vector3<f32>, offset: f32) -> bool {
-        let mut distances = [0.0f32; 3 + MAX_PLANES + 1];
-        let mut outside = 0;
-        for (d, c) in distances.iter_mut().zip(self.corners()) {
-            *d = normal.dot(c) - offset;
-            outside += usize::from(*d > 0.0);
-        }
-        if outside == 0 {
-            return true;
-        }
-        if outside == self.len {
-            self.len = 0;
-            return false;
-        }
-        let mut out = [Vector3::zeros(); 3 + MAX_PLANES + 1];
+        let distance = |c: &Vector3<f32>| normal.dot(c) - offset;
+        let first = self.corners[0];
+        let first_distance = distance(&first);
+        let (mut a, mut da) = (first, first_distance);
         let mut n = 0;
         for i in 0..self.len {
-            let j = if i + 1 == self.len { 0 } else { i + 1 };
-            let (a, b) = (self.corners[i], self.corners[j]);
-            let (da, db) = (distances[i], distances[j]);
+            let (b, db) = if i + 1 < self.len {
+                (self.corners[i + 1], distance(&self.corners[i + 1]))
+            } else {
+                (first, first_distance)
+            };
             if da <= 0.0 {
-                out[n] = a;
+                self.corners[n] = a;
                 n += 1;
             }
             if (da <= 0.0) != (db <= 0.0) {
-                out[n] = a + (b - a) * (da / (da - db));
+                self.corners[n] = a + (b - a) * (da / (da - db));
                 n += 1;
             }
+            (a, da) = (b, db);
         }
-        self.corners[..n].copy_from_slice(&out[..n]);
         self.len = n;
         n > 0
     }
@@ -222,7 +217,7 @@ mod tests {
             Vector3::new(-1.0, 3.0, 0.0),
         ];
         let cuboid = ConvexBody::cuboid(Vector3::new(2.0, 2.0, 2.0), &Isometry3::identity());
-        let mut p = Polygon::triangle(&t);
+        let mut p = Polygon::<16>::triangle(&t);
         for (n, d) in &cuboid.planes {
             assert!(p.clip(&n.map(|x| x as f32), *d as f32));
         }

@@ -1,8 +1,10 @@
 //! How far is each node of a cubic grid from the surface? Exact distances, negative inside.
 //!
 //! The grid is cut into blocks. For a block with centre c and radius r, only triangles nearer to
-//! c than d(c) + 2 r can be nearest to any of its nodes; they are gathered once per block, sorted
-//! by their distance from c, and the search of a node stops where that bound passes its best.
+//! c than d(c) + 2 r can be nearest to any of its nodes; they are gathered once per block. A
+//! triangle is convex, so with q its point nearest to c and n the unit vector from q to c, it lies
+//! behind the plane through q: its distance from a node p is at least d + n . (p - c). Only
+//! triangles whose bound beats the best distance so far are measured.
 
 use nalgebra::{Point3, Vector3};
 use parry3d::math::Vector as Vec3f;
@@ -101,10 +103,19 @@ impl SdfGrid {
     }
 }
 
+/// A triangle as seen from the centre of a block.
+#[derive(Clone, Copy)]
+struct Candidate {
+    /// Distance from the centre, metres.
+    distance: f64,
+    /// Unit vector from the nearest point towards the centre.
+    towards: Vector3<f64>,
+    face: u32,
+}
+
 #[derive(Default)]
 struct Scratch {
-    /// (lower bound of the distance from the block's centre, face)
-    candidates: Vec<(f64, u32)>,
+    candidates: Vec<Candidate>,
     /// Nearest distance at the last block's centre, and that centre.
     last: Option<(Point3<f64>, f64)>,
 }
@@ -130,7 +141,8 @@ fn bake_block(
         for iy in first[1]..last[1] {
             for iz in first[2]..last[2] {
                 let p = node([ix, iy, iz]);
-                let from_centre = (p - centre).norm();
+                let from_centre = p - centre;
+                let length = from_centre.norm();
                 let mut best = (f64::INFINITY, 0u32, p, Feature::Face);
                 let mut consider = |face: u32| {
                     let (q, feature) = closest_point(&p, &faces.triangle(face as usize));
@@ -141,13 +153,16 @@ fn bake_block(
                     best.0
                 };
                 // The winner of the node before is almost always close to the answer.
-                let mut bound = consider(scratch.candidates[hint].1).sqrt();
+                let mut bound = consider(scratch.candidates[hint].face).sqrt();
                 let mut winner = hint;
-                for (k, &(lower, face)) in scratch.candidates.iter().enumerate() {
-                    if lower - from_centre >= bound {
+                for (k, candidate) in scratch.candidates.iter().enumerate() {
+                    if candidate.distance - length >= bound {
                         break;
                     }
-                    let d = consider(face).sqrt();
+                    if candidate.distance + candidate.towards.dot(&from_centre) >= bound {
+                        continue;
+                    }
+                    let d = consider(candidate.face).sqrt();
                     if d < bound {
                         bound = d;
                         winner = k;
@@ -190,16 +205,20 @@ fn gather(surface: &Surface, centre: &Point3<f64>, radius: f64, scratch: &mut Sc
             let d = (q - centre).norm();
             nearest = nearest.min(d);
             if d <= nearest + 2.0 * radius {
-                scratch.candidates.push((d, face));
+                scratch.candidates.push(Candidate {
+                    distance: d,
+                    towards: if d > 0.0 { (centre - q) / d } else { Vector3::zeros() },
+                    face,
+                });
             }
         }
         TraversalAction::Continue
     });
     let limit = nearest + 2.0 * radius;
-    scratch.candidates.retain(|(d, _)| *d <= limit);
+    scratch.candidates.retain(|c| c.distance <= limit);
     scratch
         .candidates
-        .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        .sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.face.cmp(&b.face)));
     scratch.last = Some((*centre, nearest));
 }
 
