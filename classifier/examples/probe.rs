@@ -6,7 +6,7 @@ fn main(){
     println!("{} faces {:?}",o.surface.mesh().faces().len(),o.report);
     println!("mass {} vs {:?}",o.mass.mass_kg,f.object.mass_kg);
     let g=Gripper::load("franka_panda").unwrap(); let h=HandModel::new(&g,0.08).unwrap(); let th=Thresholds::default();
-    for (i,b) in h.convex_bodies.iter().enumerate(){println!("{} planes {} verts {}",h.part_names[i],b.planes.len(),b.vertices.len());}
+    for (i,b) in h.bodies.iter().enumerate(){println!("{} {}",h.part_names[i],b.planes.len());}
     for s in [0.0,0.005,0.01,0.02]{
         let v:Vec<_>=f.grasps.iter().map(|q|classify(&h,&o.surface,&(q.object_from_hand*Translation3::new(0.,0.,s)),&th)).collect();
         let n=v.len() as f64;

@@ -2,9 +2,10 @@
 
 use nalgebra::Vector3;
 use shakedown_objects::convex::Polygon;
-
-use crate::hand::{Body, HandModel, STRIP_LEFT, STRIP_RIGHT};
+use shakedown_objects::penetration::Intruder;
 use shakedown_objects::surface::Lanes;
+
+use crate::hand::{HandModel, STRIP_LEFT, STRIP_RIGHT};
 
 /// The rubber of a pad gives by about this much, so contact is a patch of that depth, metres.
 pub const PATCH_DEPTH_M: f32 = 5.0e-4;
@@ -60,7 +61,7 @@ impl Sweep {
 
     /// Adds a triangle; the strips shrink to what could still be a first contact.
     #[inline]
-    pub(crate) fn add(&mut self, region: &Body, triangle: &[Vector3<f32>; 3], lanes: &mut Lanes) {
+    pub(crate) fn add(&mut self, region: &Intruder, triangle: &[Vector3<f32>; 3], lanes: &mut Lanes) {
         let [a, b, c] = triangle.map(|v| v.x);
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if low > self.lo + PATCH_DEPTH_M && high < self.hi - PATCH_DEPTH_M {
@@ -157,7 +158,7 @@ type Piece = Polygon<10>;
 
 /// The part of a triangle inside the region.
 #[inline]
-fn clip_to_region(region: &Body, triangle: &[Vector3<f32>; 3]) -> Option<Piece> {
+fn clip_to_region(region: &Intruder, triangle: &[Vector3<f32>; 3]) -> Option<Piece> {
     let [a, b, c] = triangle;
     let (lo, hi) = (a.inf(b).inf(c), a.sup(b).sup(c));
     let mut polygon = Piece::triangle(triangle);

@@ -5,7 +5,6 @@
 //! and against the region between the pads; nothing is sampled.
 
 pub mod closing;
-pub mod collision;
 pub mod hand;
 pub mod verdict;
 

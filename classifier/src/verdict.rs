@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use shakedown_objects::Surface;
+use shakedown_objects::penetration::{Depth, inside_m};
 
 use crate::closing::{Closing, Sweep};
-use crate::collision::Depth;
 use crate::hand::{HandModel, STRIP_LEFT, STRIP_RIGHT};
 
 /// When a flag is set; `gripper.md`-level definitions are in `docs/formats.md`.
@@ -121,7 +121,7 @@ pub fn classify(
 ) -> Verdict {
     SCRATCH.with_borrow_mut(|scratch| {
         scratch.depths.clear();
-        scratch.depths.resize(hand.bodies.len(), Depth::new());
+        scratch.depths.resize(hand.bodies.len(), Depth::default());
         scratch.sweep.clear();
         let hand_from_object = object_from_hand.inverse();
         for (members, lanes) in &hand.groups {
@@ -145,13 +145,13 @@ pub fn classify(
             penetration_m = penetration_m.max(f64::from(depth.depth_m(body)));
         }
         // Parts that meet no surface are inside or outside as a whole.
-        for (depth, body) in scratch.depths.iter().zip(&hand.convex_bodies) {
-            if !depth.touched() {
-                let centre = object_from_hand * body.centre();
-                if surface.contains(&centre) {
-                    touches = true;
-                    penetration_m = penetration_m.max(-surface.signed_distance(&centre));
-                }
+        for (depth, body) in scratch.depths.iter().zip(&hand.bodies) {
+            if depth.touched() {
+                continue;
+            }
+            if let Some(depth_m) = inside_m(surface, body, object_from_hand) {
+                touches = true;
+                penetration_m = penetration_m.max(depth_m);
             }
         }
         let tolerance = thresholds.collision_tolerance_m;

@@ -11,6 +11,7 @@ pub mod io;
 pub mod mass;
 pub mod mesh;
 pub mod object;
+pub mod penetration;
 pub mod pieces;
 pub mod sdf;
 pub mod set;

@@ -1,1 +1,25 @@
+//! What physics says of a grasp: one trial in rapier3d.
+//!
+//! A [`Scene`] holds what all trials of an object share (shapes, masses, the [`Protocol`]); a trial
+//! builds a fresh world in the hand's frame, closes the fingers, shakes, and ends in an
+//! [`Outcome`]. Nothing is shared between trials, so their order and thread do not matter.
 
+pub mod contact;
+mod convert;
+pub mod hand;
+pub mod outcome;
+pub mod protocol;
+pub mod scene;
+pub mod shake;
+pub mod trace;
+pub mod trial;
+pub mod world;
+
+pub use outcome::{Label, Outcome, Stage};
+pub use protocol::{Protocol, ProtocolError};
+pub use scene::{Scene, SceneError};
+pub use trace::{Frame, Trace};
+pub use trial::{run_trial, run_trial_traced};
+
+/// Version of the physics engine, part of every manifest.
+pub const ENGINE: &str = concat!("rapier3d ", "0.36.1");

@@ -1,0 +1,56 @@
+//! The border between f64 nalgebra (ours) and f32 glam (rapier's).
+
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use rapier3d::math::{Pose, Rotation, Vector};
+use rapier3d::prelude::MassProperties;
+
+pub(crate) fn vector(v: &Vector3<f64>) -> Vector {
+    Vector::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+pub(crate) fn point(p: &Point3<f64>) -> Vector {
+    vector(&p.coords)
+}
+
+pub(crate) fn from_vector(v: Vector) -> Vector3<f64> {
+    Vector3::new(v.x.into(), v.y.into(), v.z.into())
+}
+
+pub(crate) fn rotation(q: &UnitQuaternion<f64>) -> Rotation {
+    let q = q.coords;
+    Rotation::from_xyzw(q.x as f32, q.y as f32, q.z as f32, q.w as f32)
+}
+
+pub(crate) fn pose(p: &Isometry3<f64>) -> Pose {
+    Pose::from_parts(vector(&p.translation.vector), rotation(&p.rotation))
+}
+
+pub(crate) fn from_pose(p: &Pose) -> Isometry3<f64> {
+    let (t, r) = (p.translation, p.rotation);
+    let q = Quaternion::new(r.w.into(), r.x.into(), r.y.into(), r.z.into());
+    Isometry3::from_parts(
+        Translation3::from(from_vector(t)),
+        UnitQuaternion::from_quaternion(q),
+    )
+}
+
+/// Mass properties about the body origin = centre of mass. Principal axes are found in f64: a
+/// tensor of 1e-6 kg m2 has no digits to lose in f32.
+pub(crate) fn mass_properties(mass_kg: f64, inertia_kg_m2: &Matrix3<f64>) -> MassProperties {
+    let symmetric = (inertia_kg_m2 + inertia_kg_m2.transpose()) / 2.0;
+    let mut eigen = symmetric.symmetric_eigen();
+    if eigen.eigenvectors.determinant() < 0.0 {
+        eigen.eigenvectors.swap_columns(1, 2);
+        eigen.eigenvalues.swap_rows(1, 2);
+    }
+    // A principal moment of a real body is never below this share of the largest.
+    let floor = eigen.eigenvalues.max() * 1e-4;
+    let moments = eigen.eigenvalues.map(|x| x.max(floor));
+    let axes = nalgebra::Rotation3::from_matrix_unchecked(eigen.eigenvectors);
+    MassProperties::with_principal_inertia_frame(
+        Vector::ZERO,
+        mass_kg as f32,
+        vector(&moments),
+        rotation(&UnitQuaternion::from_rotation_matrix(&axes)),
+    )
+}

@@ -1,0 +1,74 @@
+//! How do the fingers press? Equal forces on both, a speed limit while closing, and a spring that
+//! keeps them symmetric about the palm, as the rack and pinion of the real hand does.
+
+use nalgebra::Vector3;
+use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
+
+use crate::convert;
+
+/// State of the fingers seen from the palm: distance of each pad from the axis, and its rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FingerState {
+    /// Left (+x) and right (-x), metres.
+    pub position_m: [f64; 2],
+    /// Outward speeds, m/s.
+    pub speed_m_s: [f64; 2],
+}
+
+impl FingerState {
+    /// Distance between the pads, metres.
+    pub fn width_m(&self) -> f64 {
+        self.position_m[0] + self.position_m[1]
+    }
+}
+
+/// Reads the fingers relative to the palm.
+pub(crate) fn read(
+    world: &PhysicsWorld,
+    palm: RigidBodyHandle,
+    fingers: [RigidBodyHandle; 2],
+) -> FingerState {
+    let palm = &world.bodies[palm];
+    let world_from_hand = convert::from_pose(palm.position());
+    let closing_axis = world_from_hand.rotation * Vector3::x();
+    let mut state = FingerState {
+        position_m: [0.0; 2],
+        speed_m_s: [0.0; 2],
+    };
+    for (i, sign) in [1.0, -1.0].into_iter().enumerate() {
+        let body = &world.bodies[fingers[i]];
+        let origin = convert::from_vector(body.position().translation);
+        let arm = origin - world_from_hand.translation.vector;
+        let carried = convert::from_vector(palm.linvel())
+            + convert::from_vector(palm.angvel()).cross(&arm);
+        let relative = convert::from_vector(body.linvel()) - carried;
+        state.position_m[i] = sign * closing_axis.dot(&arm);
+        state.speed_m_s[i] = sign * closing_axis.dot(&relative);
+    }
+    state
+}
+
+/// Sets the forces of the next step: `force_n` inwards on each finger, plus the coupling.
+pub(crate) fn press(
+    world: &mut PhysicsWorld,
+    palm: RigidBodyHandle,
+    fingers: [RigidBodyHandle; 2],
+    force_n: f64,
+    finger_mass_kg: f64,
+    coupling_hz: f64,
+) -> FingerState {
+    let state = read(world, palm, fingers);
+    let closing_axis = convert::from_pose(world.bodies[palm].position()).rotation * Vector3::x();
+    // Common mode: how far the pair has wandered along the closing axis, and how fast.
+    let shift = (state.position_m[0] - state.position_m[1]) / 2.0;
+    let rate = (state.speed_m_s[0] - state.speed_m_s[1]) / 2.0;
+    let omega = std::f64::consts::TAU * coupling_hz;
+    let restoring = -finger_mass_kg * (omega * omega * shift + 2.0 * omega * rate);
+    for (i, sign) in [1.0, -1.0].into_iter().enumerate() {
+        let along = restoring - sign * force_n;
+        let body = &mut world.bodies[fingers[i]];
+        body.reset_forces(true);
+        body.add_force(convert::vector(&(closing_axis * along)), true);
+    }
+    state
+}

@@ -1,0 +1,176 @@
+//! What do all trials of an object share? Shapes, masses and the protocol, immutable.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Point3, Translation3};
+use rapier3d::prelude::{MassProperties, SharedShape, TriMeshFlags};
+use shakedown_gripper_assets::Gripper;
+use shakedown_objects::penetration::Intruder;
+use shakedown_objects::pieces::{PieceSettings, decompose_cached};
+use shakedown_objects::{ConvexBody, Object, Surface};
+
+use crate::convert;
+use crate::protocol::{ObjectContact, ObjectMass, Protocol};
+
+/// Why no scene can be made of an object and a hand.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// A part of the hand spans no volume.
+    #[error("gripper {gripper}: part {part:?} is flat or has too many faces")]
+    FlatPart {
+        /// The hand.
+        gripper: String,
+        /// The part.
+        part: String,
+    },
+    /// The object has no usable collision shape.
+    #[error("object {object}: {what}")]
+    Shape {
+        /// The object.
+        object: String,
+        /// What failed.
+        what: String,
+    },
+}
+
+/// Everything that the trials of one object under one protocol have in common.
+#[derive(Clone)]
+pub struct Scene {
+    /// The protocol.
+    pub protocol: Protocol,
+    /// Friction coefficient of the pair: the object's own, else the protocol's.
+    pub friction: f64,
+    /// Mass of the object in the trial, kg.
+    pub mass_kg: f64,
+    /// Parts that the fingers meet: pieces, or triangles of the surface.
+    pub contact_parts: usize,
+    pub(crate) opening_max_m: f64,
+    pub(crate) com_m: Point3<f64>,
+    pub(crate) object_mass: MassProperties,
+    pub(crate) object_shape: SharedShape,
+    pub(crate) palm_shape: Option<SharedShape>,
+    pub(crate) finger_shape: SharedShape,
+    pub(crate) hand: Vec<Intruder>,
+    pub(crate) surface: Surface,
+}
+
+impl Scene {
+    /// Prepares an object for trials. `friction` overrides object and protocol; convex pieces go
+    /// through the cache in `cache` if one is given.
+    ///
+    /// # Errors
+    /// A hand part or an object that yields no collision shape.
+    pub fn new(
+        object: &Object,
+        gripper: &Gripper,
+        protocol: &Protocol,
+        friction: Option<f64>,
+        cache: Option<&Path>,
+    ) -> Result<Self, SceneError> {
+        let own = object.has_own_mass && protocol.object_mass == ObjectMass::Object;
+        let mass = if own {
+            object.mass.clone()
+        } else {
+            object.mass.with_density(protocol.object_density_kg_m3)
+        };
+        let com_m = mass.com_m;
+        let (object_shape, contact_parts) = match protocol.solver.object_contact {
+            ObjectContact::Pieces => pieces_shape(object, &com_m, protocol, cache)?,
+            ObjectContact::Surface => surface_shape(object, &com_m)?,
+        };
+        let hull = |name: &str, corners: &[Point3<f64>]| {
+            ConvexBody::hull(corners).ok_or_else(|| SceneError::FlatPart {
+                gripper: gripper.name.clone(),
+                part: name.to_owned(),
+            })
+        };
+        let opening_max_m = gripper.opening_max_m;
+        let hand = gripper
+            .parts_at(opening_max_m)
+            .iter()
+            .map(|(name, corners)| hull(name, corners).map(Intruder::new))
+            .collect::<Result<Vec<_>, _>>()?;
+        let shape = |parts: &[shakedown_gripper_assets::Part]| {
+            let bodies: Vec<Vec<Point3<f64>>> = parts.iter().map(|p| p.corners()).collect();
+            compound(&bodies).ok_or_else(|| SceneError::FlatPart {
+                gripper: gripper.name.clone(),
+                part: parts[0].name.clone(),
+            })
+        };
+        Ok(Self {
+            friction: friction.or(object.friction).unwrap_or(protocol.friction),
+            mass_kg: mass.mass_kg,
+            contact_parts,
+            opening_max_m,
+            com_m,
+            object_mass: convert::mass_properties(mass.mass_kg, &mass.inertia_kg_m2),
+            object_shape,
+            palm_shape: if gripper.palm.is_empty() { None } else { Some(shape(&gripper.palm)?) },
+            finger_shape: shape(&gripper.finger)?,
+            hand,
+            surface: object.surface.clone(),
+            protocol: protocol.clone(),
+        })
+    }
+
+    /// `object_from_body`: the body's origin is the centre of mass, its axes are the object's.
+    pub(crate) fn object_from_body(&self) -> Isometry3<f64> {
+        Isometry3::from(Translation3::from(self.com_m.coords))
+    }
+}
+
+fn compound(bodies: &[Vec<Point3<f64>>]) -> Option<SharedShape> {
+    let mut shapes: Vec<SharedShape> = bodies
+        .iter()
+        .filter_map(|corners| {
+            let points: Vec<_> = corners.iter().map(convert::point).collect();
+            SharedShape::convex_hull(&points)
+        })
+        .collect();
+    match shapes.len() {
+        0 => None,
+        1 => shapes.pop(),
+        _ => Some(SharedShape::compound(
+            shapes
+                .into_iter()
+                .map(|s| (rapier3d::math::Pose::IDENTITY, s))
+                .collect(),
+        )),
+    }
+}
+
+fn pieces_shape(
+    object: &Object,
+    com: &Point3<f64>,
+    protocol: &Protocol,
+    cache: Option<&Path>,
+) -> Result<(SharedShape, usize), SceneError> {
+    let settings = PieceSettings {
+        resolution: protocol.solver.piece_resolution,
+        concavity: protocol.solver.piece_concavity,
+        max_pieces: protocol.solver.piece_max,
+    };
+    let pieces: Vec<Vec<Point3<f64>>> = decompose_cached(object.surface.mesh(), &settings, cache)
+        .into_iter()
+        .map(|piece| piece.iter().map(|p| p - com.coords).collect())
+        .collect();
+    let shape = compound(&pieces).ok_or_else(|| SceneError::Shape {
+        object: object.id.clone(),
+        what: "the convex decomposition is empty; try solver.object_contact=surface".into(),
+    })?;
+    Ok((shape, pieces.len()))
+}
+
+fn surface_shape(object: &Object, com: &Point3<f64>) -> Result<(SharedShape, usize), SceneError> {
+    let mesh = object.surface.mesh();
+    let points = mesh.vertices().iter().map(|v| convert::point(&(v - com.coords))).collect();
+    let flags = TriMeshFlags::FIX_INTERNAL_EDGES;
+    let shape = SharedShape::trimesh_with_flags(points, mesh.faces().to_vec(), flags).map_err(|e| {
+        SceneError::Shape {
+            object: object.id.clone(),
+            what: format!("no collision surface: {e}"),
+        }
+    })?;
+    Ok((shape, mesh.faces().len()))
+}

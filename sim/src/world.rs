@@ -1,0 +1,195 @@
+//! One trial's world: a kinematic palm, two fingers on sliders, one object. Built fresh, dropped
+//! at the end. World frame = the hand's frame at the start, so that a rigid motion of the whole
+//! scene cannot change a bit.
+
+use nalgebra::{Isometry3, Vector3};
+use rapier3d::math::{Pose, Vector};
+use rapier3d::prelude::*;
+use shakedown_gripper_assets::gripper::Side;
+
+use crate::contact::{self, FingerContact};
+use crate::convert;
+use crate::hand::{self, FingerState};
+use crate::scene::Scene;
+
+const HAND: Group = Group::GROUP_1;
+const OBJECT: Group = Group::GROUP_2;
+
+/// The changing state of one trial.
+pub(crate) struct World {
+    physics: PhysicsWorld,
+    palm: RigidBodyHandle,
+    fingers: [RigidBodyHandle; 2],
+    finger_colliders: [ColliderHandle; 2],
+    object: RigidBodyHandle,
+    object_collider: ColliderHandle,
+    body_from_object: Isometry3<f64>,
+}
+
+impl World {
+    /// Hand open at the origin, object where the grasp puts it.
+    pub(crate) fn new(scene: &Scene, object_from_hand: &Isometry3<f64>) -> Self {
+        let mut physics = PhysicsWorld {
+            gravity: Vector::ZERO,
+            integration_parameters: parameters(scene),
+            ..PhysicsWorld::default()
+        };
+        let friction = scene.friction as f32;
+        let hand_groups = InteractionGroups::new(HAND, OBJECT, InteractionTestMode::And);
+        let surface = |shape: &SharedShape, groups: InteractionGroups| {
+            ColliderBuilder::new(shape.clone())
+                .density(0.0)
+                .friction(friction)
+                .friction_combine_rule(CoefficientCombineRule::Min)
+                .restitution(0.0)
+                .collision_groups(groups)
+        };
+        let palm = physics.insert_body(RigidBodyBuilder::kinematic_position_based());
+        if let Some(shape) = &scene.palm_shape {
+            physics.insert_collider(surface(shape, hand_groups), Some(palm));
+        }
+        let solver = &scene.protocol.solver;
+        let half_opening = (scene.opening_max_m / 2.0) as f32;
+        let mut fingers = [RigidBodyHandle::invalid(); 2];
+        let mut finger_colliders = [ColliderHandle::invalid(); 2];
+        for (i, side) in Side::BOTH.into_iter().enumerate() {
+            let turn = match side {
+                Side::Left => Rotation::IDENTITY,
+                Side::Right => Rotation::from_xyzw(0.0, 0.0, 1.0, 0.0),
+            };
+            let shift = Vector::new(side.sign() as f32 * half_opening, 0.0, 0.0);
+            let mass = solver.finger_mass_kg;
+            // A finger only slides, so its inertia matters to the solver alone.
+            let inertia = nalgebra::Matrix3::from_diagonal_element(mass * 1.0e-3);
+            let body = RigidBodyBuilder::dynamic()
+                .pose(Pose::from_parts(shift, turn))
+                .additional_mass_properties(convert::mass_properties(mass, &inertia))
+                .can_sleep(false);
+            fingers[i] = physics.insert_body(body);
+            finger_colliders[i] =
+                physics.insert_collider(surface(&scene.finger_shape, hand_groups), Some(fingers[i]));
+            let slider = GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
+                .local_frame1(Pose::from_parts(Vector::ZERO, turn))
+                .local_frame2(Pose::IDENTITY)
+                .limits(JointAxis::LinX, [0.0, half_opening])
+                .contacts_enabled(false)
+                .build();
+            physics.insert_impulse_joint(palm, fingers[i], slider);
+        }
+        let object_from_body = scene.object_from_body();
+        let world_from_body = object_from_hand.inverse() * object_from_body;
+        let damping = scene.protocol.object_damping_1_s as f32;
+        let object = physics.insert_body(
+            RigidBodyBuilder::dynamic()
+                .pose(convert::pose(&world_from_body))
+                .additional_mass_properties(scene.object_mass)
+                .linear_damping(damping)
+                .angular_damping(damping)
+                .can_sleep(false),
+        );
+        let object_groups = InteractionGroups::new(OBJECT, HAND, InteractionTestMode::And);
+        let object_collider =
+            physics.insert_collider(surface(&scene.object_shape, object_groups), Some(object));
+        Self {
+            physics,
+            palm,
+            fingers,
+            finger_colliders,
+            object,
+            object_collider,
+            body_from_object: object_from_body.inverse(),
+        }
+    }
+
+    /// Limits the closing speed by damping of the fingers; infinite speed: no damping at all.
+    pub(crate) fn limit_speed(&mut self, scene: &Scene, speed_m_s: f64) {
+        let p = &scene.protocol;
+        let damping = p.grip_force_n / (p.solver.finger_mass_kg * speed_m_s);
+        for finger in self.fingers {
+            self.physics.bodies[finger].set_linear_damping(damping as f32);
+        }
+    }
+
+    /// Ends the closing: no damping of the object any more, gravity as the protocol has it.
+    pub(crate) fn release(&mut self, gravity_m_s2: &Vector3<f64>) {
+        let object = &mut self.physics.bodies[self.object];
+        object.set_linear_damping(0.0);
+        object.set_angular_damping(0.0);
+        self.physics.gravity = convert::vector(gravity_m_s2);
+        for finger in self.fingers {
+            // Gravity acts on the object; the hand carries its own fingers.
+            self.physics.bodies[finger].set_gravity_scale(0.0, true);
+        }
+    }
+
+    /// One time step with the palm moving to `world_from_hand`.
+    pub(crate) fn step(&mut self, scene: &Scene, world_from_hand: &Isometry3<f64>) -> FingerState {
+        let p = &scene.protocol;
+        let state = hand::press(
+            &mut self.physics,
+            self.palm,
+            self.fingers,
+            p.grip_force_n,
+            p.solver.finger_mass_kg,
+            p.solver.coupling_hz,
+        );
+        self.physics.bodies[self.palm].set_next_kinematic_position(convert::pose(world_from_hand));
+        self.physics.step();
+        state
+    }
+
+    /// Contact of the left and of the right finger in the last step.
+    pub(crate) fn contacts(&self, dt_s: f64) -> [FingerContact; 2] {
+        self.finger_colliders
+            .map(|finger| contact::between(&self.physics, finger, self.object_collider, dt_s))
+    }
+
+    pub(crate) fn fingers(&self) -> FingerState {
+        hand::read(&self.physics, self.palm, self.fingers)
+    }
+
+    pub(crate) fn world_from_hand(&self) -> Isometry3<f64> {
+        convert::from_pose(self.physics.bodies[self.palm].position())
+    }
+
+    /// Pose of the object's centre of mass in the hand, or `None` if it has diverged.
+    pub(crate) fn hand_from_body(&self) -> Option<Isometry3<f64>> {
+        let pose = self.physics.bodies[self.object].position();
+        let t = pose.translation;
+        let is_finite = t.is_finite() && pose.rotation.is_finite();
+        if !is_finite || t.length() > 10.0 {
+            return None;
+        }
+        Some(self.world_from_hand().inverse() * convert::from_pose(pose))
+    }
+
+    pub(crate) fn world_from_object(&self) -> Isometry3<f64> {
+        convert::from_pose(self.physics.bodies[self.object].position()) * self.body_from_object
+    }
+}
+
+/// Settings measured for gripping: stiff contacts (scaled by mass), no recycling, friction solved
+/// in the relax pass; see docs/protocols.md for what each is worth.
+fn parameters(scene: &Scene) -> IntegrationParameters {
+    let p = &scene.protocol;
+    let s = &p.solver;
+    let softness = SpringCoefficients::new(s.contact_hz as f32, s.contact_damping_ratio as f32);
+    let length_unit = 0.05;
+    IntegrationParameters {
+        dt: p.dt_s as f32,
+        num_solver_iterations: s.iterations,
+        contact_softness: softness,
+        static_contact_softness: softness,
+        contact_recycling: false,
+        contact_clustering: true,
+        friction_in_bias_pass: s.friction_in_bias_pass,
+        friction_model: FrictionModel::Simplified,
+        warmstart_joints: true,
+        length_unit,
+        normalized_allowed_linear_error: 0.0002 / length_unit,
+        normalized_prediction_distance: s.prediction_m as f32 / length_unit,
+        normalized_max_corrective_velocity: s.corrective_speed_m_s as f32 / length_unit,
+        max_ccd_substeps: 0,
+        ..IntegrationParameters::default()
+    }
+}
