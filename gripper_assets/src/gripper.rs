@@ -93,6 +93,17 @@ pub struct Cuboid {
     pub rpy_rad: [f64; 3],
 }
 
+impl Cuboid {
+    /// `finger_from_box` or `hand_from_box`: pose of the box in the frame of its part.
+    pub fn pose(&self) -> Isometry3<f64> {
+        let [roll, pitch, yaw] = self.rpy_rad;
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from(self.centre_m)),
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        )
+    }
+}
+
 impl Part {
     /// Corners of the part, metres; their hull is the part.
     pub fn corners(&self) -> Vec<Point3<f64>> {
@@ -102,11 +113,7 @@ impl Part {
         let Some(cuboid) = &self.cuboid else {
             return Vec::new();
         };
-        let [roll, pitch, yaw] = cuboid.rpy_rad;
-        let pose = Isometry3::from_parts(
-            Translation3::from(Vector3::from(cuboid.centre_m)),
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-        );
+        let pose = cuboid.pose();
         let half = Vector3::from(cuboid.size_m) / 2.0;
         (0..8)
             .map(|i| {

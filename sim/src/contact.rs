@@ -12,6 +12,14 @@ pub struct FingerContact {
     pub touches: bool,
 }
 
+/// The contact of a finger from those of its parts.
+pub(crate) fn sum(parts: impl Iterator<Item = FingerContact>) -> FingerContact {
+    parts.fold(FingerContact::default(), |a, b| FingerContact {
+        force_n: a.force_n + b.force_n,
+        touches: a.touches || b.touches,
+    })
+}
+
 /// Reads the contact between a finger and the object. Impulses are those of the solver, so the
 /// clustered manifolds count, not the raw ones.
 pub(crate) fn between(

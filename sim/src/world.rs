@@ -20,7 +20,7 @@ pub(crate) struct World {
     physics: PhysicsWorld,
     palm: RigidBodyHandle,
     fingers: [RigidBodyHandle; 2],
-    finger_colliders: [ColliderHandle; 2],
+    finger_colliders: [Vec<ColliderHandle>; 2],
     object: RigidBodyHandle,
     object_collider: ColliderHandle,
     body_from_object: Isometry3<f64>,
@@ -45,13 +45,14 @@ impl World {
                 .collision_groups(groups)
         };
         let palm = physics.insert_body(RigidBodyBuilder::kinematic_position_based());
-        if let Some(shape) = &scene.palm_shape {
-            physics.insert_collider(surface(shape, hand_groups), Some(palm));
+        for (pose, shape) in &scene.palm_shapes {
+            let collider = surface(shape, hand_groups).position(*pose);
+            physics.insert_collider(collider, Some(palm));
         }
         let solver = &scene.protocol.solver;
         let half_opening = (scene.opening_max_m / 2.0) as f32;
         let mut fingers = [RigidBodyHandle::invalid(); 2];
-        let mut finger_colliders = [ColliderHandle::invalid(); 2];
+        let mut finger_colliders = [const { Vec::new() }; 2];
         for (i, side) in Side::BOTH.into_iter().enumerate() {
             let turn = match side {
                 Side::Left => Rotation::IDENTITY,
@@ -66,8 +67,10 @@ impl World {
                 .additional_mass_properties(convert::mass_properties(mass, &inertia))
                 .can_sleep(false);
             fingers[i] = physics.insert_body(body);
-            finger_colliders[i] =
-                physics.insert_collider(surface(&scene.finger_shape, hand_groups), Some(fingers[i]));
+            for (pose, shape) in &scene.finger_shapes {
+                let collider = surface(shape, hand_groups).position(*pose);
+                finger_colliders[i].push(physics.insert_collider(collider, Some(fingers[i])));
+            }
             let slider = GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
                 .local_frame1(Pose::from_parts(Vector::ZERO, turn))
                 .local_frame2(Pose::IDENTITY)
@@ -140,8 +143,12 @@ impl World {
 
     /// Contact of the left and of the right finger in the last step.
     pub(crate) fn contacts(&self, dt_s: f64) -> [FingerContact; 2] {
-        self.finger_colliders
-            .map(|finger| contact::between(&self.physics, finger, self.object_collider, dt_s))
+        [0, 1].map(|i| {
+            let parts = self.finger_colliders[i].iter();
+            contact::sum(parts.map(|part| {
+                contact::between(&self.physics, *part, self.object_collider, dt_s)
+            }))
+        })
     }
 
     pub(crate) fn fingers(&self) -> FingerState {
