@@ -49,7 +49,10 @@ pub struct Scene {
     pub(crate) opening_max_m: f64,
     pub(crate) com_m: Point3<f64>,
     pub(crate) object_mass: MassProperties,
+    /// What the fingers meet.
     pub(crate) object_shape: SharedShape,
+    /// What the palm meets: always convex pieces, as nothing is gripped there.
+    pub(crate) object_pieces: SharedShape,
     /// Convex parts, each a collider of its own: parry mends the contacts of a triangle surface at
     /// its internal edges against a convex shape, but not against a compound.
     pub(crate) palm_shapes: Vec<(Pose, SharedShape)>,
@@ -78,8 +81,9 @@ impl Scene {
             object.mass.with_density(protocol.object_density_kg_m3)
         };
         let com_m = mass.com_m;
+        let (object_pieces, pieces) = pieces_shape(object, &com_m, protocol, cache)?;
         let (object_shape, contact_parts) = match protocol.solver.object_contact {
-            ObjectContact::Pieces => pieces_shape(object, &com_m, protocol, cache)?,
+            ObjectContact::Pieces => (object_pieces.clone(), pieces),
             ObjectContact::Surface => surface_shape(object, &com_m)?,
         };
         let hull = |name: &str, corners: &[Point3<f64>]| {
@@ -111,6 +115,7 @@ impl Scene {
             com_m,
             object_mass: convert::mass_properties(mass.mass_kg, &mass.inertia_kg_m2),
             object_shape,
+            object_pieces,
             palm_shapes: shapes(&gripper.palm)?,
             finger_shapes: shapes(&gripper.finger)?,
             hand,
@@ -180,7 +185,7 @@ fn pieces_shape(
 fn surface_shape(object: &Object, com: &Point3<f64>) -> Result<(SharedShape, usize), SceneError> {
     let mesh = object.surface.mesh();
     let points = mesh.vertices().iter().map(|v| convert::point(&(v - com.coords))).collect();
-    let flags = if std::env::var("FL").is_ok() {TriMeshFlags::empty()} else {TriMeshFlags::FIX_INTERNAL_EDGES};
+    let flags = TriMeshFlags::FIX_INTERNAL_EDGES;
     let shape = SharedShape::trimesh_with_flags(points, mesh.faces().to_vec(), flags).map_err(|e| {
         SceneError::Shape {
             object: object.id.clone(),

@@ -12,8 +12,10 @@ use crate::convert;
 use crate::hand::{self, FingerState};
 use crate::scene::Scene;
 
-const HAND: Group = Group::GROUP_1;
-const OBJECT: Group = Group::GROUP_2;
+const PALM: Group = Group::GROUP_1;
+const FINGER: Group = Group::GROUP_2;
+const OBJECT_FOR_PALM: Group = Group::GROUP_3;
+const OBJECT_FOR_FINGERS: Group = Group::GROUP_4;
 
 /// The changing state of one trial.
 pub(crate) struct World {
@@ -35,7 +37,9 @@ impl World {
             ..PhysicsWorld::default()
         };
         let friction = scene.friction as f32;
-        let hand_groups = InteractionGroups::new(HAND, OBJECT, InteractionTestMode::And);
+        let meets = |own: Group, other: Group| {
+            InteractionGroups::new(own, other, InteractionTestMode::And)
+        };
         let surface = |shape: &SharedShape, groups: InteractionGroups| {
             ColliderBuilder::new(shape.clone())
                 .density(0.0)
@@ -46,7 +50,7 @@ impl World {
         };
         let palm = physics.insert_body(RigidBodyBuilder::kinematic_position_based());
         for (pose, shape) in &scene.palm_shapes {
-            let collider = surface(shape, hand_groups).position(*pose);
+            let collider = surface(shape, meets(PALM, OBJECT_FOR_PALM)).position(*pose);
             physics.insert_collider(collider, Some(palm));
         }
         let solver = &scene.protocol.solver;
@@ -68,7 +72,7 @@ impl World {
                 .can_sleep(false);
             fingers[i] = physics.insert_body(body);
             for (pose, shape) in &scene.finger_shapes {
-                let collider = surface(shape, hand_groups).position(*pose);
+                let collider = surface(shape, meets(FINGER, OBJECT_FOR_FINGERS)).position(*pose);
                 finger_colliders[i].push(physics.insert_collider(collider, Some(fingers[i])));
             }
             let slider = GenericJointBuilder::new(JointAxesMask::LOCKED_PRISMATIC_AXES)
@@ -90,9 +94,12 @@ impl World {
                 .angular_damping(damping)
                 .can_sleep(false),
         );
-        let object_groups = InteractionGroups::new(OBJECT, HAND, InteractionTestMode::And);
-        let object_collider =
-            physics.insert_collider(surface(&scene.object_shape, object_groups), Some(object));
+        let for_fingers = surface(&scene.object_shape, meets(OBJECT_FOR_FINGERS, FINGER));
+        let object_collider = physics.insert_collider(for_fingers, Some(object));
+        if !scene.palm_shapes.is_empty() {
+            let for_palm = surface(&scene.object_pieces, meets(OBJECT_FOR_PALM, PALM));
+            physics.insert_collider(for_palm, Some(object));
+        }
         Self {
             physics,
             palm,
