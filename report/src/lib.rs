@@ -1,1 +1,13 @@
+//! What people and CI read: the run directory of the contract and its files.
 
+pub mod html;
+pub mod manifest;
+pub mod markdown;
+pub mod replay;
+pub mod store;
+pub mod table;
+pub mod trials;
+
+pub use manifest::{Manifest, ManifestObject};
+pub use store::{Store, StoreError};
+pub use trials::TrialRow;

@@ -1,1 +1,21 @@
+//! Where grasps come from: a flow model on SE(3) read from ONNX files, and an antipodal sampler as
+//! the candidates of ACRONYM were made.
+//!
+//! Every draw comes from a stream of its own, named by the run's seed, the object, the hand and
+//! the number of the grasp ([`seed`]), so candidate 17 is the same whether 18 or 1 000 are drawn.
 
+pub mod antipodal;
+pub mod card;
+pub mod flow;
+pub mod seed;
+
+#[cfg(feature = "onnx")]
+pub mod network;
+#[cfg(feature = "onnx")]
+pub mod runtime;
+
+pub use antipodal::{AntipodalSettings, sample_antipodal};
+pub use card::{Integrator, ModelCard, ModelError};
+pub use flow::{FlowSample, VelocityField, integrate};
+#[cfg(feature = "onnx")]
+pub use network::FlowModel;

@@ -1,0 +1,196 @@
+//! `trials.csv`: one row per grasp.
+
+use std::io::Write;
+
+/// Column names, in the order of the contract.
+pub const COLUMNS: [&str; 28] = [
+    "object",
+    "grasp",
+    "score",
+    "label",
+    "x_m",
+    "y_m",
+    "z_m",
+    "qx",
+    "qy",
+    "qz",
+    "qw",
+    "width_m",
+    "class",
+    "collides",
+    "reachable",
+    "closes",
+    "centred",
+    "aligned",
+    "penetration_m",
+    "outcome",
+    "held",
+    "slip_linear_m",
+    "slip_angular_rad",
+    "closing_linear_m",
+    "closing_angular_rad",
+    "grip_force_n",
+    "sim_s",
+    "p_hold",
+];
+
+/// One row; `None` becomes an empty cell.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TrialRow {
+    /// Number of the grasp within its object.
+    pub grasp: u64,
+    /// Score of the grasp's maker.
+    pub score: Option<f64>,
+    /// Label of the input.
+    pub label: Option<bool>,
+    /// `object_from_hand`, ACRONYM frame: x, y, z (metres), quaternion x, y, z, w.
+    pub pose: [f64; 7],
+    /// Opening before closing, metres.
+    pub width_m: Option<f64>,
+    /// Class and flags of the classifier.
+    pub geometry: Option<GeometryCells>,
+    /// Outcome and measurements of the trial.
+    pub physics: Option<PhysicsCells>,
+}
+
+/// Cells of the classifier.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GeometryCells {
+    /// `optimal`, `collision` or `out_of_reach`.
+    pub class: &'static str,
+    /// collides, reachable, closes, centred, aligned.
+    pub flags: [bool; 5],
+    /// Depth, metres.
+    pub penetration_m: f64,
+}
+
+/// Cells of the trial.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PhysicsCells {
+    /// Name of the outcome.
+    pub outcome: &'static str,
+    /// Did it hold?
+    pub held: bool,
+    /// Slip (m, rad), motion while closing (m, rad), grip force (N).
+    pub measurements: [Option<f64>; 5],
+    /// Simulated time, s.
+    pub sim_s: f64,
+}
+
+/// Appends a number in its shortest round-trip form.
+fn push_number(line: &mut String, value: f64) {
+    use std::fmt::Write as _;
+    // Debug keeps the shortest digits and turns to exponents at the extremes.
+    let _ = write!(line, "{value:?}");
+}
+
+/// Writes the header.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_header(out: &mut impl Write) -> std::io::Result<()> {
+    writeln!(out, "{}", COLUMNS.join(","))
+}
+
+/// Appends one row of an object.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_row(out: &mut impl Write, object: &str, row: &TrialRow) -> std::io::Result<()> {
+    let mut line = String::with_capacity(256);
+    line.push_str(&quoted(object));
+    line.push(',');
+    line.push_str(&row.grasp.to_string());
+    let flag = |b: bool| if b { "1" } else { "0" };
+    let number = |line: &mut String, value: Option<f64>| {
+        line.push(',');
+        if let Some(v) = value {
+            push_number(line, v);
+        }
+    };
+    number(&mut line, row.score);
+    line.push(',');
+    line.push_str(row.label.map_or("", flag));
+    for x in row.pose {
+        number(&mut line, Some(x));
+    }
+    number(&mut line, row.width_m);
+    match &row.geometry {
+        Some(g) => {
+            line.push(',');
+            line.push_str(g.class);
+            for f in g.flags {
+                line.push(',');
+                line.push_str(flag(f));
+            }
+            number(&mut line, Some(g.penetration_m));
+        }
+        None => line.push_str(",,,,,,,"),
+    }
+    match &row.physics {
+        Some(p) => {
+            line.push(',');
+            line.push_str(p.outcome);
+            line.push(',');
+            line.push_str(flag(p.held));
+            for m in p.measurements {
+                number(&mut line, m);
+            }
+            number(&mut line, Some(p.sim_s));
+        }
+        None => line.push_str(",,,,,,,,"),
+    }
+    // p_hold: unknown until a calibrated model exists.
+    line.push(',');
+    line.push('\n');
+    out.write_all(line.as_bytes())
+}
+
+/// A CSV field, quoted only where it must be (RFC 4180).
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_row_has_the_columns_of_the_contract() {
+        let full = TrialRow {
+            grasp: 7,
+            score: Some(0.1 + 0.2),
+            label: Some(true),
+            pose: [1.0, -2.5e-12, 0.3, 0.0, 0.0, 0.0, 1.0],
+            width_m: Some(0.08),
+            geometry: Some(GeometryCells {
+                class: "optimal",
+                flags: [false, true, true, true, false],
+                penetration_m: 0.0,
+            }),
+            physics: Some(PhysicsCells {
+                outcome: "held",
+                held: true,
+                measurements: [Some(0.001), None, Some(2.0), Some(0.1), Some(20.0)],
+                sim_s: 2.7,
+            }),
+        };
+        let mut out = Vec::new();
+        write_header(&mut out).unwrap();
+        write_row(&mut out, "a,\"b\"\nc", &full).unwrap();
+        write_row(&mut out, "plain", &TrialRow::default()).unwrap();
+        let mut reader = csv::Reader::from_reader(&out[..]);
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        assert!(rows.iter().all(|r| r.len() == COLUMNS.len()));
+        assert_eq!(&rows[0][0], "a,\"b\"\nc");
+        assert_eq!(rows[0][2].parse::<f64>().unwrap(), 0.1 + 0.2);
+        assert_eq!(rows[0][5].parse::<f64>().unwrap(), -2.5e-12);
+        assert_eq!((&rows[0][12], &rows[0][19], &rows[0][20]), ("optimal", "held", "1"));
+        assert_eq!(&rows[1][27], "");
+    }
+}

@@ -1,0 +1,145 @@
+//! What is this model? The card `model.toml` beside the two graphs.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use shakedown_objects::Normalisation;
+
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A file of the model cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file of the model does not fit the contract.
+    #[error("{}: {what}", path.display())]
+    Bad {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, naming the tensor or key, and what was expected.
+        what: String,
+    },
+    /// No model of this name.
+    #[error("there is no model {name:?}; {hint}")]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        hint: String,
+    },
+}
+
+impl ModelError {
+    pub(crate) fn bad(path: &Path, what: impl Into<String>) -> Self {
+        Self::Bad {
+            path: path.to_owned(),
+            what: what.into(),
+        }
+    }
+}
+
+/// How the velocity field is integrated from time 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// One evaluation a step (RFMGrasp equations 14 to 16).
+    #[default]
+    Euler,
+    /// Two evaluations a step: the mean of the velocities at both ends.
+    Heun,
+}
+
+/// Where the grid and the normalised frame are centred.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Centring {
+    /// The middle of the object's axis-aligned box.
+    #[default]
+    BoxCentre,
+}
+
+/// The content of `model.toml`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelCard {
+    /// Name in results.
+    pub name: String,
+    /// One line.
+    #[serde(default)]
+    pub description: String,
+    /// Licence of the weights.
+    pub licence: String,
+    /// What it was trained on.
+    pub training_data: String,
+    /// The command that made it.
+    pub command: String,
+    /// Hand whose poses it draws.
+    pub gripper: String,
+    /// Frame of those poses: `acronym`, `panda_hand` or `tcp`.
+    pub frame: String,
+    /// Nodes along an edge of the signed distance grid.
+    pub resolution: usize,
+    /// The grid's edge is the object's longest extent grown by this share.
+    pub padding: f64,
+    /// Where the grid is centred.
+    #[serde(default)]
+    pub centring: Centring,
+    /// What the distances and translations are divided by.
+    #[serde(default)]
+    pub normalisation: Normalisation,
+    /// Standard deviation of the initial translation, in the normalised frame. Initial rotations
+    /// are uniform.
+    pub noise_translation_std: f64,
+    /// Steps from time 0 to 1.
+    pub steps: usize,
+    /// Integrator.
+    #[serde(default)]
+    pub integrator: Integrator,
+    /// Points of the hand frame (metres) behind the input `sdf_at_points`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub control_points_m: Vec<[f64; 3]>,
+    /// What it was measured to reach.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub metrics: BTreeMap<String, f64>,
+}
+
+impl ModelCard {
+    /// Reads and checks `directory/model.toml`.
+    ///
+    /// # Errors
+    /// A missing file, an unknown key, a value out of range.
+    pub fn read(directory: &Path) -> Result<Self, ModelError> {
+        let path = directory.join("model.toml");
+        let text = fs::read_to_string(&path).map_err(|source| ModelError::Io {
+            path: path.clone(),
+            source,
+        })?;
+        let card: Self = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(1, |s| text[..s.start].matches('\n').count() + 1);
+            ModelError::bad(&path, format!("line {line}: {}", e.message()))
+        })?;
+        let complaint = if !(8..=256).contains(&card.resolution) {
+            Some(format!("resolution is {}, not within 8..=256", card.resolution))
+        } else if card.steps == 0 {
+            Some("steps is 0".to_owned())
+        } else if !(card.padding.is_finite() && card.padding >= 0.0) {
+            Some(format!("padding is {}", card.padding))
+        } else if !(card.noise_translation_std.is_finite() && card.noise_translation_std >= 0.0) {
+            Some(format!("noise_translation_std is {}", card.noise_translation_std))
+        } else {
+            None
+        };
+        match complaint {
+            Some(what) => Err(ModelError::bad(&path, what)),
+            None => Ok(card),
+        }
+    }
+}

@@ -1,0 +1,378 @@
+//! The model of the contract: `encoder.onnx` once per object, `velocity.onnx` at every step.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
+use ort::session::Session;
+use ort::session::builder::GraphOptimizationLevel;
+use ort::value::{Tensor, TensorElementType, ValueType};
+use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
+use shakedown_objects::{Object, SdfGrid};
+
+use crate::card::{ModelCard, ModelError};
+use crate::flow::{FlowSample, Velocity, VelocityField, integrate};
+use crate::runtime::{Runtime, runtime};
+use crate::seed;
+
+/// Samples that go through the velocity network at once.
+const BATCH: usize = 256;
+
+/// What the velocity network wants besides pose, time and latent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Extras {
+    sdf: bool,
+    scale: bool,
+    sdf_at_points: bool,
+}
+
+/// A loaded and checked model.
+pub struct FlowModel {
+    /// Its card.
+    pub card: ModelCard,
+    /// The engine that runs it.
+    pub runtime: Runtime,
+    frame: HandFrame,
+    encoder: Session,
+    velocity: Session,
+    velocity_path: PathBuf,
+    encoder_path: PathBuf,
+    latent: usize,
+    extras: Extras,
+}
+
+impl FlowModel {
+    /// Loads `directory/{model.toml, encoder.onnx, velocity.onnx}` and checks every name, type
+    /// and shape against the contract and the card.
+    ///
+    /// # Errors
+    /// Says which file and which tensor is wrong, and what was expected.
+    pub fn load(directory: &Path, ort: Option<&Path>) -> Result<Self, ModelError> {
+        let card = ModelCard::read(directory)?;
+        let toml = directory.join("model.toml");
+        let frame: HandFrame = card
+            .frame
+            .parse()
+            .map_err(|e: String| ModelError::bad(&toml, format!("frame: {e}")))?;
+        let encoder_path = directory.join("encoder.onnx");
+        let velocity_path = directory.join("velocity.onnx");
+        let (runtime, encoder) = open(&encoder_path, ort)?;
+        let (_, velocity) = open(&velocity_path, ort)?;
+        let d = card.resolution as i64;
+        let check = Check {
+            path: &encoder_path,
+            session: &encoder,
+        };
+        check.names(&["sdf", "scale"], &[], &["latent"])?;
+        check.input("sdf", &[-1, 1, d, d, d])?;
+        check.input("scale", &[-1, 1])?;
+        let latent = check.output_width("latent")?;
+        let check = Check {
+            path: &velocity_path,
+            session: &velocity,
+        };
+        let optional = ["sdf", "scale", "sdf_at_points"];
+        check.names(
+            &["latent", "rotation", "translation", "time"],
+            &optional,
+            &["rotation_velocity", "translation_velocity"],
+        )?;
+        check.input("rotation", &[-1, 3, 3])?;
+        check.input("translation", &[-1, 3])?;
+        check.input("time", &[-1, 1])?;
+        let has = |name: &str| velocity.inputs().iter().any(|i| i.name() == name);
+        let extras = Extras {
+            sdf: has("sdf"),
+            scale: has("scale"),
+            sdf_at_points: has("sdf_at_points"),
+        };
+        if extras.sdf {
+            check.input("sdf", &[-1, 1, d, d, d])?;
+        }
+        if extras.sdf_at_points {
+            check.input("sdf_at_points", &[-1, card.control_points_m.len() as i64])?;
+        }
+        let mut model = Self {
+            card,
+            runtime,
+            frame,
+            encoder,
+            velocity,
+            velocity_path,
+            encoder_path,
+            latent: latent.unwrap_or(0),
+            extras,
+        };
+        // A trial run settles what the declared shapes leave open, before any real work.
+        let grid = vec![0.5f32; model.card.resolution.pow(3)];
+        let bound = model.bind(&grid, 1.0, None)?;
+        model.latent = bound.len();
+        Ok(model)
+    }
+
+    /// Draws `count` grasps of an object for the hand, numbers `first..first + count`.
+    ///
+    /// `steps` overrides the card's number of steps.
+    ///
+    /// # Errors
+    /// A network that fails or returns non-finite numbers.
+    pub fn sample(
+        &mut self,
+        object: &Object,
+        gripper: &Gripper,
+        count: u64,
+        run_seed: u64,
+        steps: Option<usize>,
+    ) -> Result<Vec<Grasp>, ModelError> {
+        let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
+        let (sdf, scale_m) = grid.normalised(self.card.normalisation);
+        let latent = self.bind(&sdf, scale_m, Some(&object.id))?;
+        let mut samples: Vec<FlowSample> = (0..count)
+            .map(|index| {
+                let mut rng = seed::stream(run_seed, "flow-v1", &object.id, &gripper.name, index);
+                FlowSample {
+                    rotation: seed::uniform_rotation(&mut rng),
+                    translation: seed::normal_vector(&mut rng) * self.card.noise_translation_std,
+                }
+            })
+            .collect();
+        let (steps, integrator) = (steps.unwrap_or(self.card.steps), self.card.integrator);
+        let tcp_z_m = gripper.tcp_z_m;
+        let frame = self.frame;
+        let mut field = Bound {
+            model: self,
+            latent,
+            sdf,
+            scale_m,
+            grid: &grid,
+        };
+        integrate(&mut field, &mut samples, steps, integrator, BATCH)?;
+        Ok(samples
+            .iter()
+            .enumerate()
+            .map(|(i, s)| {
+                let translation = grid.centre_m.coords + s.translation * scale_m;
+                let pose = Isometry3::from_parts(Translation3::from(translation), s.rotation);
+                Grasp::new(i as u64, frame.to_hand(&pose, tcp_z_m))
+            })
+            .collect())
+    }
+
+    /// Encodes a normalised grid.
+    fn bind(&mut self, sdf: &[f32], scale_m: f64, object: Option<&str>) -> Result<Vec<f32>, ModelError> {
+        let d = self.card.resolution as i64;
+        let path = self.encoder_path.clone();
+        let inputs = vec![
+            ("sdf", tensor(&path, vec![1, 1, d, d, d], sdf.to_vec())?),
+            ("scale", tensor(&path, vec![1, 1], vec![scale_m as f32])?),
+        ];
+        let outputs = self.encoder.run(inputs).map_err(|e| failed(&path, &e))?;
+        let latent = extract(&path, &outputs, "latent")?;
+        finite(&path, "latent", &latent, object)?;
+        Ok(latent)
+    }
+}
+
+/// The velocity network with everything that belongs to one object.
+struct Bound<'a> {
+    model: &'a mut FlowModel,
+    latent: Vec<f32>,
+    sdf: Vec<f32>,
+    scale_m: f64,
+    grid: &'a SdfGrid,
+}
+
+impl Bound<'_> {
+    /// Normalised distance at a point of the normalised frame: trilinear, clamped to the grid.
+    fn sdf_at(&self, point: &Vector3<f64>) -> f32 {
+        let n = self.grid.resolution;
+        let half = self.grid.half_edge_m / self.scale_m;
+        let place = point.map(|x| ((x / half + 1.0) / 2.0).clamp(0.0, 1.0) * (n - 1) as f64);
+        let low = place.map(|x| (x.floor() as usize).min(n - 2));
+        let f = Vector3::from_fn(|k, _| place[k] - low[k] as f64);
+        let mut sum = 0.0;
+        for corner in 0..8usize {
+            let bit = |k: usize| corner >> k & 1;
+            let weight: f64 = (0..3)
+                .map(|k| if bit(k) == 1 { f[k] } else { 1.0 - f[k] })
+                .product();
+            let i = ((low.x + bit(0)) * n + low.y + bit(1)) * n + low.z + bit(2);
+            sum += weight * f64::from(self.sdf[i]);
+        }
+        sum as f32
+    }
+}
+
+impl VelocityField for Bound<'_> {
+    fn velocities(&mut self, samples: &[FlowSample], time: f64) -> Result<Vec<Velocity>, ModelError> {
+        let n = samples.len();
+        let b = n as i64;
+        let path = self.model.velocity_path.clone();
+        let rotations = samples.iter().flat_map(|s| {
+            let m = *s.rotation.to_rotation_matrix().matrix();
+            (0..9).map(move |k| m[(k / 3, k % 3)] as f32)
+        });
+        let translations = samples
+            .iter()
+            .flat_map(|s| s.translation.map(|x| x as f32).data.0[0]);
+        let mut inputs = vec![
+            ("latent", tensor(&path, vec![b, self.latent.len() as i64], self.latent.repeat(n))?),
+            ("rotation", tensor(&path, vec![b, 3, 3], rotations.collect())?),
+            ("translation", tensor(&path, vec![b, 3], translations.collect())?),
+            ("time", tensor(&path, vec![b, 1], vec![time as f32; n])?),
+        ];
+        let extras = self.model.extras;
+        if extras.sdf {
+            let d = self.model.card.resolution as i64;
+            inputs.push(("sdf", tensor(&path, vec![b, 1, d, d, d], self.sdf.repeat(n))?));
+        }
+        if extras.scale {
+            inputs.push(("scale", tensor(&path, vec![b, 1], vec![self.scale_m as f32; n])?));
+        }
+        if extras.sdf_at_points {
+            let points = &self.model.card.control_points_m;
+            let values = samples
+                .iter()
+                .flat_map(|s| {
+                    points.iter().map(|p| {
+                        let q = s.rotation * (Point3::from(*p) / self.scale_m) + s.translation;
+                        self.sdf_at(&q.coords)
+                    })
+                })
+                .collect();
+            let shape = vec![b, points.len() as i64];
+            inputs.push(("sdf_at_points", tensor(&path, shape, values)?));
+        }
+        let outputs = self.model.velocity.run(inputs).map_err(|e| failed(&path, &e))?;
+        let rotation = extract(&path, &outputs, "rotation_velocity")?;
+        let translation = extract(&path, &outputs, "translation_velocity")?;
+        finite(&path, "rotation_velocity", &rotation, None)?;
+        finite(&path, "translation_velocity", &translation, None)?;
+        if rotation.len() != 9 * n || translation.len() != 3 * n {
+            let what = format!(
+                "rotation_velocity and translation_velocity have {} and {} numbers for a batch of {n}",
+                rotation.len(),
+                translation.len()
+            );
+            return Err(ModelError::bad(&path, what));
+        }
+        Ok((0..n)
+            .map(|i| Velocity {
+                rotation: Matrix3::from_fn(|r, c| f64::from(rotation[9 * i + 3 * r + c])),
+                translation: Vector3::from_fn(|k, _| f64::from(translation[3 * i + k])),
+            })
+            .collect())
+    }
+}
+
+fn open(path: &Path, ort: Option<&Path>) -> Result<(Runtime, Session), ModelError> {
+    if !path.exists() {
+        return Err(ModelError::bad(path, "the file is missing"));
+    }
+    let (runtime, environment) = runtime(ort).map_err(|e| ModelError::bad(path, e))?;
+    let session = Session::builder(environment)
+        .map_err(|e| failed(path, &e))?
+        .with_optimization_level(GraphOptimizationLevel::All)
+        .map_err(|e| failed(path, &e))?
+        .with_intra_threads(1)
+        .map_err(|e| failed(path, &e))?
+        .commit_from_file(path)
+        .map_err(|e| ModelError::bad(path, format!("not a usable ONNX graph: {e}")))?;
+    Ok((runtime.clone(), session))
+}
+
+fn failed(path: &Path, error: &impl std::fmt::Display) -> ModelError {
+    ModelError::bad(path, format!("the network fails: {error}"))
+}
+
+fn tensor(path: &Path, shape: Vec<i64>, data: Vec<f32>) -> Result<Tensor<f32>, ModelError> {
+    Tensor::from_array((shape, data)).map_err(|e| failed(path, &e))
+}
+
+fn extract(
+    path: &Path,
+    outputs: &ort::session::SessionOutputs<'_>,
+    name: &str,
+) -> Result<Vec<f32>, ModelError> {
+    let value = outputs
+        .get(name)
+        .ok_or_else(|| ModelError::bad(path, format!("there is no output `{name}`")))?;
+    value
+        .try_extract_tensor::<f32>()
+        .map(|(_, data)| data.to_vec())
+        .map_err(|e| ModelError::bad(path, format!("output `{name}`: {e}")))
+}
+
+fn finite(path: &Path, name: &str, values: &[f32], object: Option<&str>) -> Result<(), ModelError> {
+    if values.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    let of = object.map(|o| format!(" for object {o}")).unwrap_or_default();
+    Err(ModelError::bad(path, format!("output `{name}` is not finite{of}")))
+}
+
+struct Check<'a> {
+    path: &'a Path,
+    session: &'a Session,
+}
+
+impl Check<'_> {
+    fn bad(&self, what: String) -> ModelError {
+        ModelError::bad(self.path, what)
+    }
+
+    fn names(&self, needed: &[&str], optional: &[&str], outputs: &[&str]) -> Result<(), ModelError> {
+        let inputs: Vec<&str> = self.session.inputs().iter().map(|i| i.name()).collect();
+        for name in needed {
+            if !inputs.contains(name) {
+                return Err(self.bad(format!("there is no input `{name}`; it has {inputs:?}")));
+            }
+        }
+        for name in &inputs {
+            if !needed.contains(name) && !optional.contains(name) {
+                return Err(self.bad(format!("nobody knows what to feed to input `{name}`")));
+            }
+        }
+        let found: Vec<&str> = self.session.outputs().iter().map(|o| o.name()).collect();
+        for name in outputs {
+            if !found.contains(name) {
+                return Err(self.bad(format!("there is no output `{name}`; it has {found:?}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks type and shape of an input; -1 is a dimension that may be anything.
+    fn input(&self, name: &str, expected: &[i64]) -> Result<(), ModelError> {
+        let outlet = self.session.inputs().iter().find(|i| i.name() == name);
+        let Some(ValueType::Tensor { ty, shape, .. }) = outlet.map(|o| o.dtype()) else {
+            return Err(self.bad(format!("input `{name}` is no tensor")));
+        };
+        if *ty != TensorElementType::Float32 {
+            return Err(self.bad(format!("input `{name}` is {ty:?}, not float32")));
+        }
+        let found: Vec<i64> = shape.iter().copied().collect();
+        let fits = found.len() == expected.len()
+            && found
+                .iter()
+                .zip(expected)
+                .all(|(f, e)| *f == -1 || *e == -1 || f == e);
+        if !fits {
+            return Err(self.bad(format!(
+                "input `{name}` has shape {found:?}, expected {expected:?} (-1: any)"
+            )));
+        }
+        if found.first().is_some_and(|b| *b != -1) {
+            return Err(self.bad(format!("input `{name}` has a fixed batch of {}", found[0])));
+        }
+        Ok(())
+    }
+
+    /// Width of a [B, L] output, if the graph declares it.
+    fn output_width(&self, name: &str) -> Result<Option<usize>, ModelError> {
+        let outlet = self.session.outputs().iter().find(|o| o.name() == name);
+        let Some(ValueType::Tensor { shape, .. }) = outlet.map(|o| o.dtype()) else {
+            return Err(self.bad(format!("output `{name}` is no tensor")));
+        };
+        Ok(shape.last().and_then(|&l| usize::try_from(l).ok()))
+    }
+}
