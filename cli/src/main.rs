@@ -1,1 +1,54 @@
-fn main(){}
+//! The `shakedown` binary: does this grasp hold?
+
+mod args;
+mod commands;
+mod failure;
+mod grasps;
+mod plan;
+mod progress;
+mod settings;
+mod work;
+
+use clap::Parser as _;
+
+use args::{Cli, Command};
+use failure::{Exit, Failure};
+
+fn main() -> std::process::ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            let _ = e.print();
+            return if e.use_stderr() { Exit::Usage } else { Exit::Success }.into();
+        }
+    };
+    match dispatch(&cli) {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            failure.exit.into()
+        }
+    }
+}
+
+fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
+    if let Some(n) = cli.global.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(n.get())
+            .build_global()
+            .map_err(|e| Failure::internal(format!("the thread pool does not start: {e}")))?;
+    }
+    let global = &cli.global;
+    match &cli.command {
+        None => commands::run::run(global, &cli.run),
+        Some(Command::Run(args)) => commands::run::run(global, args),
+        Some(Command::Sample(args)) => commands::sample::run(global, args),
+        Some(Command::Classify(args)) => commands::classify::run(global, args),
+        Some(Command::Objects(args)) => commands::objects::run(global, args),
+        Some(Command::Grippers(args)) => commands::grippers::run(global, args),
+        Some(Command::Protocols(args)) => commands::protocols::run(global, args),
+        Some(Command::Models) => commands::models::run(global),
+        Some(Command::Bench(args)) => commands::bench::run(global, args),
+        Some(Command::Completions(args)) => commands::completions::run(args),
+    }
+}

@@ -38,19 +38,24 @@ pub fn summary(manifest: &Manifest, summary: &Summary) -> String {
     }
     out.push_str("\nPer object\n\n");
     out.push_str(&objects(summary));
+    out
+}
+
+/// What the trials cost, for people only: it differs from run to run, so it stands in no file but
+/// `summary.json`.
+pub fn throughput(summary: &Summary) -> Option<String> {
     let t = &summary.throughput;
-    if t.trials > 0 {
-        out.push_str(&format!(
-            "\n{} trials, {} steps, {:.1} CPU-s: {:.1} trials per CPU-second, {:.0} us a step; {:.1} s in all\n",
+    (t.trials > 0).then(|| {
+        format!(
+            "{} trials, {} steps, {:.1} CPU-s: {:.1} trials per CPU-second, {:.0} us a step; {:.1} s in all",
             t.trials,
             t.steps,
             t.cpu_s,
             t.trials_per_cpu_s,
             1e6 * t.cpu_s / (t.steps.max(1) as f64),
             t.wall_s
-        ));
-    }
-    out
+        )
+    })
 }
 
 fn headline(summary: &Summary) -> String {

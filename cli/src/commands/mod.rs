@@ -1,0 +1,11 @@
+//! One file per subcommand.
+
+pub mod bench;
+pub mod classify;
+pub mod completions;
+pub mod grippers;
+pub mod models;
+pub mod objects;
+pub mod protocols;
+pub mod run;
+pub mod sample;

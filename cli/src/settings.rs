@@ -1,0 +1,113 @@
+//! Options resolved: the hand, the protocol and the source of grasps, loaded and checked.
+
+use std::path::PathBuf;
+
+use shakedown_classifier::{HandModel, Thresholds};
+use shakedown_gripper_assets::Gripper;
+use shakedown_sampler::AntipodalSettings;
+use shakedown_sim::Protocol;
+
+use crate::args::{RunArgs, SourceArgs, Stage};
+use crate::failure::Failure;
+
+/// What tries grasps and how.
+pub struct Settings {
+    pub gripper: Gripper,
+    pub hand: HandModel,
+    pub protocol: Protocol,
+    pub thresholds: Thresholds,
+    pub geometry: bool,
+    pub physics: bool,
+    pub cache: Option<PathBuf>,
+}
+
+impl Settings {
+    pub fn resolve(args: &RunArgs) -> Result<Self, Failure> {
+        let gripper = Gripper::load(&args.source.gripper)?;
+        let hand = HandModel::new(&gripper, gripper.opening_max_m)?;
+        let protocol = Protocol::load(&args.protocol, &args.set)?;
+        if let Some(mu) = args.object.friction
+            && !(mu.is_finite() && mu >= 0.0)
+        {
+            return Err(Failure::usage(format!("--friction {mu}: give a number >= 0")));
+        }
+        Ok(Self {
+            gripper,
+            hand,
+            protocol,
+            thresholds: Thresholds::default(),
+            geometry: args.stages.contains(&Stage::Geometry),
+            physics: args.stages.contains(&Stage::Physics),
+            cache: shakedown_objects::pieces::default_cache_directory(),
+        })
+    }
+}
+
+/// Where grasps come from.
+pub enum Source {
+    /// Grasp files.
+    Files,
+    /// The antipodal sampler.
+    Antipodal(AntipodalSettings),
+    /// A flow model.
+    #[cfg(feature = "onnx")]
+    Model(Box<std::sync::Mutex<shakedown_sampler::FlowModel>>),
+}
+
+impl Source {
+    pub fn resolve(args: &SourceArgs) -> Result<Self, Failure> {
+        if !args.grasps.is_empty() {
+            return Ok(Self::Files);
+        }
+        match &args.model {
+            None => Ok(Self::Antipodal(AntipodalSettings::default())),
+            Some(name) => Self::model(name, args),
+        }
+    }
+
+    #[cfg(feature = "onnx")]
+    fn model(name: &str, args: &SourceArgs) -> Result<Self, Failure> {
+        let directory = PathBuf::from(name);
+        if !directory.is_dir() {
+            return Err(Failure::input(format!(
+                "there is no model {name:?}: no model is built in yet; give a directory with \
+                 model.toml, encoder.onnx and velocity.onnx, or use --sampler antipodal"
+            )));
+        }
+        let model = shakedown_sampler::FlowModel::load(&directory, args.ort.as_deref())?;
+        Ok(Self::Model(Box::new(std::sync::Mutex::new(model))))
+    }
+
+    #[cfg(not(feature = "onnx"))]
+    fn model(name: &str, _: &SourceArgs) -> Result<Self, Failure> {
+        Err(Failure::input(format!(
+            "model {name:?}: this binary was built without the feature `onnx`"
+        )))
+    }
+
+    /// What the manifest says of the source.
+    pub fn describe(&self, args: &SourceArgs) -> serde_json::Value {
+        match self {
+            Self::Files => serde_json::json!({
+                "from": "files",
+                "frame": args.frame.map(|f| f.name()),
+            }),
+            Self::Antipodal(settings) => serde_json::json!({
+                "from": "antipodal-v1",
+                "settings": settings,
+                "candidates": args.candidates,
+            }),
+            #[cfg(feature = "onnx")]
+            Self::Model(model) => {
+                let model = model.lock().expect("nobody panics while holding it");
+                serde_json::json!({
+                    "from": "model",
+                    "card": model.card,
+                    "runtime": { "name": model.runtime.name, "version": model.runtime.version },
+                    "steps": args.steps,
+                    "candidates": args.candidates,
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Runs one object: classify, try, and turn both into rows.
+
+use std::sync::Mutex;
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+use shakedown_classifier::{Class, Verdict, classify};
+use shakedown_gripper_assets::Grasp;
+use shakedown_metrics::summary::GeometryRow;
+use shakedown_metrics::Row;
+use shakedown_objects::Object;
+use shakedown_report::TrialRow;
+use shakedown_report::replay::Replay;
+use shakedown_report::trials::{GeometryCells, PhysicsCells};
+use shakedown_sim::{Outcome, Scene, Trace, run_trial, run_trial_traced};
+
+use crate::args::Record;
+use crate::failure::Failure;
+use crate::settings::Settings;
+
+/// What trials cost.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Cost {
+    pub trials: u64,
+    pub steps: u64,
+    pub cpu_s: f64,
+}
+
+/// An object ready for its grasps.
+pub struct Bench {
+    pub object: Object,
+    scene: Option<Scene>,
+}
+
+impl Bench {
+    /// # Errors
+    /// An object without a usable collision shape.
+    pub fn new(object: Object, settings: &Settings) -> Result<Self, Failure> {
+        let scene = if settings.physics {
+            let cache = settings.cache.as_deref();
+            Some(Scene::new(&object, &settings.gripper, &settings.protocol, None, cache)?)
+        } else {
+            None
+        };
+        Ok(Self { object, scene })
+    }
+
+    /// Rows of a chunk of grasps in their order, the same for any number of threads.
+    pub fn rows(
+        &self,
+        settings: &Settings,
+        grasps: &[Grasp],
+        record: Record,
+        cost: &Mutex<Cost>,
+        done: impl Fn() + Sync,
+    ) -> Vec<(TrialRow, Row, Option<Replay>)> {
+        grasps
+            .par_iter()
+            .map(|grasp| {
+                let verdict = settings.geometry.then(|| {
+                    let pose = &grasp.object_from_hand;
+                    classify(&settings.hand, &self.object.surface, pose, &settings.thresholds)
+                });
+                let trial = self.scene.as_ref().map(|scene| try_grasp(scene, grasp, record, cost));
+                done();
+                let (outcome, trace) = trial.unzip();
+                let replay = trace.flatten().and_then(|t| {
+                    outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t))
+                });
+                let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref());
+                let row = metrics_row(grasp, verdict.as_ref(), outcome.as_ref());
+                (cells, row, replay)
+            })
+            .collect()
+    }
+}
+
+fn try_grasp(
+    scene: &Scene,
+    grasp: &Grasp,
+    record: Record,
+    cost: &Mutex<Cost>,
+) -> (Outcome, Option<Trace>) {
+    let start = ThreadTime::now();
+    let (outcome, trace) = if record == Record::None {
+        (run_trial(scene, &grasp.object_from_hand), None)
+    } else {
+        let (outcome, trace) = run_trial_traced(scene, &grasp.object_from_hand);
+        let wanted = record == Record::All || !outcome.is_held();
+        (outcome, wanted.then_some(trace))
+    };
+    let cpu_s = start.elapsed().as_secs_f64();
+    let mut cost = cost.lock().expect("nobody panics while holding it");
+    cost.trials += 1;
+    cost.steps += u64::from(outcome.steps);
+    cost.cpu_s += cpu_s;
+    (outcome, trace)
+}
+
+fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>) -> TrialRow {
+    TrialRow {
+        grasp: grasp.index,
+        score: grasp.score,
+        label: grasp.label,
+        pose: numbers(&grasp.object_from_hand),
+        width_m: grasp.width_m,
+        geometry: verdict.map(|v| GeometryCells {
+            class: v.class().name(),
+            flags: [v.collides, v.reachable, v.closes, v.centred, v.aligned],
+            penetration_m: v.penetration_m,
+        }),
+        physics: outcome.map(|o| PhysicsCells {
+            outcome: o.label.name(),
+            held: o.is_held(),
+            measurements: [
+                o.slip_linear_m,
+                o.slip_angular_rad,
+                o.closing_linear_m,
+                o.closing_angular_rad,
+                o.grip_force_n,
+            ],
+            sim_s: o.sim_s,
+        }),
+    }
+}
+
+fn metrics_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>) -> Row {
+    Row {
+        geometry: verdict.map(|v| GeometryRow {
+            collides: v.collides,
+            reachable: v.reachable,
+            optimal: v.class() == Class::Optimal,
+            optimal_strict: v.is_strictly_optimal(),
+            width_m: v.closing.map(|c| c.width_m() as f32),
+        }),
+        outcome: outcome.map(|o| (o.label.name(), o.is_held())),
+        label: grasp.label,
+    }
+}
+
+fn numbers(pose: &nalgebra::Isometry3<f64>) -> [f64; 7] {
+    let (t, q) = (pose.translation.vector, pose.rotation.coords);
+    [t.x, t.y, t.z, q.x, q.y, q.z, q.w]
+}
+
+fn replay(object: &str, grasp: u64, outcome: &Outcome, trace: &Trace) -> Replay {
+    let pose = |p: &nalgebra::Isometry3<f64>| numbers(p).map(|x| x as f32);
+    let frames = &trace.frames;
+    Replay {
+        object: object.to_owned(),
+        grasp,
+        outcome: outcome.label.name(),
+        t_s: frames.iter().map(|f| f.t_s as f32).collect(),
+        world_from_hand: frames.iter().map(|f| pose(&f.world_from_hand)).collect(),
+        world_from_object: frames.iter().map(|f| pose(&f.world_from_object)).collect(),
+        finger_m: frames.iter().map(|f| f.finger_m.map(|x| x as f32)).collect(),
+    }
+}
