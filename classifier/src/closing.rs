@@ -61,7 +61,12 @@ impl Sweep {
 
     /// Adds a triangle; the strips shrink to what could still be a first contact.
     #[inline]
-    pub(crate) fn add(&mut self, region: &Intruder, triangle: &[Vector3<f32>; 3], lanes: &mut Lanes) {
+    pub(crate) fn add(
+        &mut self,
+        region: &Intruder,
+        triangle: &[Vector3<f32>; 3],
+        lanes: &mut Lanes,
+    ) {
         let [a, b, c] = triangle.map(|v| v.x);
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if low > self.lo + PATCH_DEPTH_M && high < self.hi - PATCH_DEPTH_M {
@@ -147,7 +152,11 @@ impl Sweep {
             (across.atan2(along), f64::from(height / area))
         } else {
             // An edge seen from the side: nothing faces the pad.
-            let z = if edge_count > 0.0 { edge_height / edge_count } else { 0.0 };
+            let z = if edge_count > 0.0 {
+                edge_height / edge_count
+            } else {
+                0.0
+            };
             (std::f64::consts::FRAC_PI_2, f64::from(z))
         }
     }

@@ -58,9 +58,8 @@ impl HandModel {
         }
         let region = gripper.closing_region(opening_m);
         let size = region[1] - region[0];
-        let centre = nalgebra::Isometry3::from(nalgebra::Translation3::from(
-            (region[0] + region[1]) / 2.0,
-        ));
+        let centre =
+            nalgebra::Isometry3::from(nalgebra::Translation3::from((region[0] + region[1]) / 2.0));
         let region_body = Intruder::new(ConvexBody::cuboid(size, &centre));
         // Planes that face the object come first: they separate soonest.
         let target = (region[0] + region[1]) / 2.0;

@@ -10,9 +10,13 @@ use shakedown_gripper_assets::{GraspFormat, HandFrame};
 ///
 /// Without a subcommand: `run` on the embedded objects with antipodal candidates.
 #[derive(Parser)]
-#[command(name = "shakedown", version, args_conflicts_with_subcommands = true,
+#[command(
+    name = "shakedown",
+    version,
+    args_conflicts_with_subcommands = true,
     after_help = "Exit codes: 0 success, 1 internal error, 2 usage, 3 bad input, 4 nothing to do, \
-5 incomplete (--keep-going).\n\nExample:\n  shakedown run --grasps my_grasps.csv --mesh mug.obj --frame tcp --out runs/mug")]
+5 incomplete (--keep-going).\n\nExample:\n  shakedown run --grasps my_grasps.csv --mesh mug.obj --frame tcp --out runs/mug"
+)]
 pub struct Cli {
     #[command(flatten)]
     pub global: Global,
@@ -59,16 +63,24 @@ pub enum Color {
 #[derive(Subcommand)]
 pub enum Command {
     /// The main job: grasps -> geometry -> physics -> run directory and summary
-    #[command(after_help = "Examples:\n  shakedown run\n  shakedown run --grasps Mug.h5 --mesh-root acronym --limit 200 --out runs/mug\n  shakedown run --objects bottle.stl --scale 0.001 --candidates 50 --set friction=0.5")]
+    #[command(
+        after_help = "Examples:\n  shakedown run\n  shakedown run --grasps Mug.h5 --mesh-root acronym --limit 200 --out runs/mug\n  shakedown run --objects bottle.stl --scale 0.001 --candidates 50 --set friction=0.5"
+    )]
     Run(RunArgs),
     /// Only draw grasps and write a grasp file
-    #[command(after_help = "Example:\n  shakedown sample --objects mug.obj --candidates 200 --out mug.json")]
+    #[command(
+        after_help = "Example:\n  shakedown sample --objects mug.obj --candidates 200 --out mug.json"
+    )]
     Sample(SampleArgs),
     /// Only geometry: collision, reach, closing, alignment
-    #[command(after_help = "Example:\n  shakedown classify --grasps poses.csv --mesh mug.obj --frame tcp --out runs/mug_geometry")]
+    #[command(
+        after_help = "Example:\n  shakedown classify --grasps poses.csv --mesh mug.obj --frame tcp --out runs/mug_geometry"
+    )]
     Classify(RunArgs),
     /// List the embedded objects, or show what a mesh holds
-    #[command(after_help = "Examples:\n  shakedown objects\n  shakedown objects bottle.stl --scale 0.001\n  shakedown objects --export meshes/")]
+    #[command(
+        after_help = "Examples:\n  shakedown objects\n  shakedown objects bottle.stl --scale 0.001\n  shakedown objects --export meshes/"
+    )]
     Objects(ObjectsArgs),
     /// List the built-in hands, or print one as TOML to copy and change
     #[command(after_help = "Example:\n  shakedown grippers franka_panda > my_hand.toml")]
@@ -83,7 +95,9 @@ pub enum Command {
     #[command(after_help = "Example:\n  shakedown bench --format json > bench.json")]
     Bench(BenchArgs),
     /// Print shell completions
-    #[command(after_help = "Example:\n  shakedown completions bash > /etc/bash_completion.d/shakedown")]
+    #[command(
+        after_help = "Example:\n  shakedown completions bash > /etc/bash_completion.d/shakedown"
+    )]
     Completions(CompletionsArgs),
 }
 

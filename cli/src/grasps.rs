@@ -49,7 +49,13 @@ pub fn of_item(
         (None, Source::Model(model)) => {
             let mut model = model.lock().expect("nobody panics while holding it");
             let steps = args.steps.map(std::num::NonZeroUsize::get);
-            Ok(drawn(model.sample(object, gripper, args.candidates, run_seed, steps)?))
+            Ok(drawn(model.sample(
+                object,
+                gripper,
+                args.candidates,
+                run_seed,
+                steps,
+            )?))
         }
         (None, Source::Files) => Err(Failure::internal("an item without grasps")),
     }
@@ -65,7 +71,12 @@ pub fn limit(grasps: &mut Vec<Grasp>, limit: Option<u64>, run_seed: u64, object:
     let mut ranked: Vec<(u64, usize)> = grasps
         .iter()
         .enumerate()
-        .map(|(i, g)| (seed::stream(run_seed, "limit-v1", object, "", g.index).next_u64(), i))
+        .map(|(i, g)| {
+            (
+                seed::stream(run_seed, "limit-v1", object, "", g.index).next_u64(),
+                i,
+            )
+        })
         .collect();
     ranked.sort_unstable();
     ranked.truncate(limit);

@@ -44,7 +44,11 @@ impl Plan {
         let mut items = Vec::new();
         if source.grasps.is_empty() {
             let default = vec!["embedded".to_owned()];
-            let names = if object.objects.is_empty() { &default } else { &object.objects };
+            let names = if object.objects.is_empty() {
+                &default
+            } else {
+                &object.objects
+            };
             for name in names {
                 items.extend(items_of(name)?);
             }
@@ -63,8 +67,8 @@ impl Plan {
             }
         }
         if let Some(pattern) = &object.filter {
-            let pattern = regex::Regex::new(pattern)
-                .map_err(|e| Failure::usage(format!("--filter: {e}")))?;
+            let pattern =
+                regex::Regex::new(pattern).map_err(|e| Failure::usage(format!("--filter: {e}")))?;
             items.retain(|i| pattern.is_match(&i.id));
         }
         items.sort_by(|a, b| a.id.cmp(&b.id));
@@ -75,7 +79,9 @@ impl Plan {
             )));
         }
         if items.is_empty() {
-            return Err(Failure::nothing("no object is selected; look at --filter and --objects"));
+            return Err(Failure::nothing(
+                "no object is selected; look at --filter and --objects",
+            ));
         }
         Ok(Self { items })
     }
@@ -93,7 +99,9 @@ fn items_of(name: &str) -> Result<Vec<Item>, Failure> {
             .collect());
     }
     let path = Path::new(name);
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let extension = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase());
     match extension.as_deref() {
         Some("toml") => Ok(set::read_set(path)?
             .into_iter()
@@ -192,7 +200,11 @@ impl Item {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn describe(&self, args: &ObjectArgs, options: &ReadOptions) -> Result<ManifestObject, Failure> {
+    pub fn describe(
+        &self,
+        args: &ObjectArgs,
+        options: &ReadOptions,
+    ) -> Result<ManifestObject, Failure> {
         let mut properties = BTreeMap::new();
         let mut note = |key: &str, value: Option<f64>| {
             if let Some(v) = value {
@@ -263,7 +275,11 @@ fn find_mesh(file: &Path, name: &str, root: Option<&Path>) -> Result<PathBuf, Fa
     let beside = file.parent().unwrap_or(Path::new("."));
     let places: Vec<PathBuf> = match root {
         Some(root) => vec![root.join(name)],
-        None => vec![beside.join(name), beside.join("..").join(name), PathBuf::from(name)],
+        None => vec![
+            beside.join(name),
+            beside.join("..").join(name),
+            PathBuf::from(name),
+        ],
     };
     places.iter().find(|p| p.is_file()).cloned().ok_or_else(|| {
         let tried: Vec<String> = places.iter().map(|p| p.display().to_string()).collect();

@@ -29,7 +29,9 @@ impl Settings {
         if let Some(mu) = args.object.friction
             && !(mu.is_finite() && mu >= 0.0)
         {
-            return Err(Failure::usage(format!("--friction {mu}: give a number >= 0")));
+            return Err(Failure::usage(format!(
+                "--friction {mu}: give a number >= 0"
+            )));
         }
         Ok(Self {
             gripper,

@@ -6,8 +6,8 @@ use cpu_time::ThreadTime;
 use rayon::prelude::*;
 use shakedown_classifier::{Class, Verdict, classify};
 use shakedown_gripper_assets::Grasp;
-use shakedown_metrics::summary::GeometryRow;
 use shakedown_metrics::Row;
+use shakedown_metrics::summary::GeometryRow;
 use shakedown_objects::Object;
 use shakedown_report::TrialRow;
 use shakedown_report::replay::Replay;
@@ -38,7 +38,13 @@ impl Bench {
     pub fn new(object: Object, settings: &Settings) -> Result<Self, Failure> {
         let scene = if settings.physics {
             let cache = settings.cache.as_deref();
-            Some(Scene::new(&object, &settings.gripper, &settings.protocol, None, cache)?)
+            Some(Scene::new(
+                &object,
+                &settings.gripper,
+                &settings.protocol,
+                None,
+                cache,
+            )?)
         } else {
             None
         };
@@ -59,14 +65,22 @@ impl Bench {
             .map(|grasp| {
                 let verdict = settings.geometry.then(|| {
                     let pose = &grasp.object_from_hand;
-                    classify(&settings.hand, &self.object.surface, pose, &settings.thresholds)
+                    classify(
+                        &settings.hand,
+                        &self.object.surface,
+                        pose,
+                        &settings.thresholds,
+                    )
                 });
-                let trial = self.scene.as_ref().map(|scene| try_grasp(scene, grasp, record, cost));
+                let trial = self
+                    .scene
+                    .as_ref()
+                    .map(|scene| try_grasp(scene, grasp, record, cost));
                 done();
                 let (outcome, trace) = trial.unzip();
-                let replay = trace.flatten().and_then(|t| {
-                    outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t))
-                });
+                let replay = trace
+                    .flatten()
+                    .and_then(|t| outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t)));
                 let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref());
                 let row = metrics_row(grasp, verdict.as_ref(), outcome.as_ref());
                 (cells, row, replay)
@@ -153,6 +167,9 @@ fn replay(object: &str, grasp: u64, outcome: &Outcome, trace: &Trace) -> Replay 
         t_s: frames.iter().map(|f| f.t_s as f32).collect(),
         world_from_hand: frames.iter().map(|f| pose(&f.world_from_hand)).collect(),
         world_from_object: frames.iter().map(|f| pose(&f.world_from_object)).collect(),
-        finger_m: frames.iter().map(|f| f.finger_m.map(|x| x as f32)).collect(),
+        finger_m: frames
+            .iter()
+            .map(|f| f.finger_m.map(|x| x as f32))
+            .collect(),
     }
 }

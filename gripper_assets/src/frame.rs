@@ -80,7 +80,8 @@ mod tests {
 
     #[test]
     fn the_tcp_pose_of_a_hand_comes_back_as_the_hand() {
-        let object_from_hand = Isometry3::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.2, 0.9));
+        let object_from_hand =
+            Isometry3::new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(0.4, -0.2, 0.9));
         for frame in [HandFrame::Acronym, HandFrame::PandaHand, HandFrame::Tcp] {
             let object_from_this = object_from_hand * frame.hand_from_this(0.1034);
             let back = frame.to_hand(&object_from_this, 0.1034);

@@ -77,7 +77,11 @@ pub fn pose_of_quaternion(
     [x, y, z, w]: [f64; 4],
 ) -> Result<(Isometry3<f64>, bool), String> {
     let q = Quaternion::new(w, x, y, z);
-    if !position.iter().chain(q.coords.iter()).all(|v| v.is_finite()) {
+    if !position
+        .iter()
+        .chain(q.coords.iter())
+        .all(|v| v.is_finite())
+    {
         return Err("a number of the pose is not finite".into());
     }
     let drift = (q.norm() - 1.0).abs();
@@ -93,7 +97,10 @@ pub fn pose_of_quaternion(
         UnitQuaternion::from_quaternion(q)
     };
     let translation = Translation3::from(Vector3::from(position));
-    Ok((Isometry3::from_parts(translation, rotation), drift > ROTATION_ROUNDING))
+    Ok((
+        Isometry3::from_parts(translation, rotation),
+        drift > ROTATION_ROUNDING,
+    ))
 }
 
 #[cfg(test)]
@@ -115,7 +122,9 @@ mod tests {
         drifted[(0, 1)] += 1e-4;
         let (p, mended) = pose_of_matrix(&rows(&drifted)).unwrap();
         let r = p.rotation.to_rotation_matrix();
-        assert!(mended && (r.matrix().transpose() * r.matrix() - Matrix3::identity()).amax() < 1e-14);
+        assert!(
+            mended && (r.matrix().transpose() * r.matrix() - Matrix3::identity()).amax() < 1e-14
+        );
 
         type Change = fn(&mut nalgebra::Matrix4<f64>);
         let changes: [Change; 5] = [
@@ -135,7 +144,11 @@ mod tests {
     #[test]
     fn a_quaternion_off_unit_norm_is_refused() {
         assert!(pose_of_quaternion([0.0; 3], [0.0, 0.0, 0.0, 1.0]).is_ok());
-        assert!(pose_of_quaternion([0.0; 3], [0.0, 0.0, 0.0, 1.0001]).unwrap().1);
+        assert!(
+            pose_of_quaternion([0.0; 3], [0.0, 0.0, 0.0, 1.0001])
+                .unwrap()
+                .1
+        );
         assert!(pose_of_quaternion([0.0; 3], [0.0, 0.0, 0.0, 1.1]).is_err());
         assert!(pose_of_quaternion([f64::NAN, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]).is_err());
     }

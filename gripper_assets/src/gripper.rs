@@ -10,7 +10,10 @@ use crate::error::GraspError;
 
 const BUILT_IN: [(&str, &str); 2] = [
     ("franka_panda", include_str!("../franka_panda/gripper.toml")),
-    ("robotiq_2f_85", include_str!("../robotiq_2f_85/gripper.toml")),
+    (
+        "robotiq_2f_85",
+        include_str!("../robotiq_2f_85/gripper.toml"),
+    ),
 ];
 
 /// A parallel-jaw hand in its own frame (`hand`: origin at the base, z approach, x closing).
@@ -217,7 +220,10 @@ impl Gripper {
             ("drive.speed_max_m_s", self.drive.speed_max_m_s),
             ("drive.finger_mass_kg", self.drive.finger_mass_kg),
             ("pad.width_m", self.pad.width_m),
-            ("pad.z_max_m - pad.z_min_m", self.pad.z_max_m - self.pad.z_min_m),
+            (
+                "pad.z_max_m - pad.z_min_m",
+                self.pad.z_max_m - self.pad.z_min_m,
+            ),
         ];
         for (key, value) in positive {
             if !(value.is_finite() && value > 0.0) {
@@ -230,12 +236,18 @@ impl Gripper {
             }
         }
         if self.finger.is_empty() {
-            return Err(GraspError::bad(path, "finger", "there is none", "add a [[finger]] part"));
+            return Err(GraspError::bad(
+                path,
+                "finger",
+                "there is none",
+                "add a [[finger]] part",
+            ));
         }
         for part in self.palm.iter().chain(&self.finger) {
             let corners = part.corners();
             let is_one = part.hull_m.is_some() != part.cuboid.is_some();
-            if !is_one || corners.len() < 4 || corners.iter().any(|c| !c.coords.amax().is_finite()) {
+            if !is_one || corners.len() < 4 || corners.iter().any(|c| !c.coords.amax().is_finite())
+            {
                 return Err(GraspError::bad(
                     path,
                     format!("part {:?}", part.name),
@@ -316,11 +328,17 @@ mod tests {
             assert_eq!(g.name, name);
             let parts = g.parts_at(g.opening_max_m);
             let n = g.finger.len();
-            let (left, right) = (&parts[g.palm.len()..g.palm.len() + n], &parts[g.palm.len() + n..]);
+            let (left, right) = (
+                &parts[g.palm.len()..g.palm.len() + n],
+                &parts[g.palm.len() + n..],
+            );
             for ((_, l), (_, r)) in left.iter().zip(right) {
                 for (a, b) in l.iter().zip(r) {
                     assert!((a.x + b.x).abs() < 1e-12 && (a.y + b.y).abs() < 1e-12 && a.z == b.z);
-                    assert!(a.x >= g.opening_max_m / 2.0 - 1e-12, "a finger part reaches into the opening");
+                    assert!(
+                        a.x >= g.opening_max_m / 2.0 - 1e-12,
+                        "a finger part reaches into the opening"
+                    );
                 }
             }
         }
@@ -334,9 +352,16 @@ mod tests {
 
     #[test]
     fn a_wrong_key_names_file_and_line() {
-        let text = Gripper::source_text("franka_panda").unwrap().replace("tcp_z_m", "tcp_m");
-        let e = Gripper::parse(&text, Path::new("my.toml")).unwrap_err().to_string();
-        assert!(e.contains("my.toml") && e.contains("line") && e.contains("tcp_m"), "{e}");
+        let text = Gripper::source_text("franka_panda")
+            .unwrap()
+            .replace("tcp_z_m", "tcp_m");
+        let e = Gripper::parse(&text, Path::new("my.toml"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            e.contains("my.toml") && e.contains("line") && e.contains("tcp_m"),
+            "{e}"
+        );
     }
 
     #[test]

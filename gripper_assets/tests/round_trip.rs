@@ -66,7 +66,10 @@ fn every_writable_format_round_trips_and_is_recognised_by_content() {
                 assert_eq!(a.label, b.label, "{name}");
             }
             if !is_json {
-                assert!((a.width_m.unwrap() - b.width_m.unwrap()).abs() < 1e-15, "{name}");
+                assert!(
+                    (a.width_m.unwrap() - b.width_m.unwrap()).abs() < 1e-15,
+                    "{name}"
+                );
             }
         }
         assert_eq!(read.grasps.len(), written.grasps.len());
@@ -78,7 +81,9 @@ fn a_pose_list_without_a_frame_is_refused_until_one_is_given() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("poses.csv");
     fs::write(&path, "x_m,y_m,z_m,qx,qy,qz,qw\n0.1,0,0,0,0,0,1\n").unwrap();
-    let e = read_grasps(&path, &ReadOptions::default()).unwrap_err().to_string();
+    let e = read_grasps(&path, &ReadOptions::default())
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("--frame"), "{e}");
     let tcp = ReadOptions {
         frame: Some(HandFrame::Tcp),
@@ -102,8 +107,13 @@ fn bad_rows_name_their_line() {
         let path = dir.path().join("poses.csv");
         let header = "x_m,y_m,z_m,qx,qy,qz,qw,frame\n0,0,0,0,0,0,1,acronym\n";
         fs::write(&path, format!("{header}{body}\n")).unwrap();
-        let e = read_grasps(&path, &ReadOptions::default()).unwrap_err().to_string();
-        assert!(e.contains(needle) && e.contains("poses.csv"), "{needle}: {e}");
+        let e = read_grasps(&path, &ReadOptions::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            e.contains(needle) && e.contains("poses.csv"),
+            "{needle}: {e}"
+        );
     }
 }
 

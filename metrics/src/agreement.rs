@@ -58,7 +58,11 @@ impl Confusion {
             return None;
         }
         let product = (tp + fp) * (tp + fn_) * (tn + fp) * (tn + fn_);
-        Some(if product == 0.0 { 0.0 } else { (tp * tn - fp * fn_) / product.sqrt() })
+        Some(if product == 0.0 {
+            0.0
+        } else {
+            (tp * tn - fp * fn_) / product.sqrt()
+        })
     }
 }
 
@@ -120,7 +124,10 @@ impl Agreement {
     pub fn of(objects: &[Confusion], scores: Option<&[(f64, bool)]>) -> Self {
         let mut all = Confusion::default();
         objects.iter().for_each(|c| all.merge(c));
-        let each: Vec<f64> = objects.iter().filter_map(Confusion::balanced_accuracy).collect();
+        let each: Vec<f64> = objects
+            .iter()
+            .filter_map(Confusion::balanced_accuracy)
+            .collect();
         let ci95 = crate::bootstrap::cluster_95(objects, |picked| {
             let mut sum = Confusion::default();
             picked.for_each(|c| sum.merge(c));

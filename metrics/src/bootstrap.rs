@@ -48,7 +48,9 @@ mod tests {
     #[test]
     fn clustered_grasps_give_a_wider_interval_than_independent_ones() {
         // Ten objects, each all or nothing: as sure as ten coin flips, not as a thousand.
-        let lumps: Vec<(u64, u64)> = (0..10).map(|i| (if i % 2 == 0 { 100 } else { 0 }, 100)).collect();
+        let lumps: Vec<(u64, u64)> = (0..10)
+            .map(|i| (if i % 2 == 0 { 100 } else { 0 }, 100))
+            .collect();
         let [lo, hi] = cluster_95(&lumps, mean).unwrap();
         let [wilson_lo, wilson_hi] = crate::interval::wilson_95(500, 1000);
         assert!(hi - lo > 5.0 * (wilson_hi - wilson_lo));

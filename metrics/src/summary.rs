@@ -278,7 +278,8 @@ fn success_at(tallies: &[&Tally]) -> SuccessAt {
             .collect();
         (!each.is_empty()).then(|| each.iter().sum::<f64>() / each.len() as f64)
     };
-    let all = |f: fn(&Tally) -> (u64, u64)| KS.iter().map(|&k| (k.to_string(), mean(k, f))).collect();
+    let all =
+        |f: fn(&Tally) -> (u64, u64)| KS.iter().map(|&k| (k.to_string(), mean(k, f))).collect();
     SuccessAt {
         geometry: all(|t| (t.optimal, t.geometry_n)),
         physics: all(|t| (t.held, t.physics_n)),
@@ -314,10 +315,16 @@ fn agreement(tallies: &[&Tally]) -> Option<AgreementBlock> {
         .collect();
     let mut baselines = BTreeMap::new();
     baselines.insert("majority".to_owned(), Agreement::of(&majority, None));
-    let scores: Vec<(f64, bool)> = labelled.iter().flat_map(|t| t.width_scores.clone()).collect();
+    let scores: Vec<(f64, bool)> = labelled
+        .iter()
+        .flat_map(|t| t.width_scores.clone())
+        .collect();
     if !scores.is_empty() {
         let widths: Vec<Confusion> = labelled.iter().map(|t| t.width_rule).collect();
-        baselines.insert("width_below_29_mm".to_owned(), Agreement::of(&widths, Some(&scores)));
+        baselines.insert(
+            "width_below_29_mm".to_owned(),
+            Agreement::of(&widths, Some(&scores)),
+        );
     }
     Some(AgreementBlock {
         trial: Agreement::of(&tables, None),
@@ -346,10 +353,22 @@ mod tests {
     #[test]
     fn a_run_is_the_sum_of_its_objects_and_lists_every_outcome() {
         let objects = vec![
-            ("a".to_owned(), (0..10).map(|i| row(i < 5, Some(i < 6), 0.01)).collect()),
-            ("b".to_owned(), (0..10).map(|i| row(i < 9, Some(i % 2 == 0), 0.05)).collect()),
+            (
+                "a".to_owned(),
+                (0..10).map(|i| row(i < 5, Some(i < 6), 0.01)).collect(),
+            ),
+            (
+                "b".to_owned(),
+                (0..10)
+                    .map(|i| row(i < 9, Some(i % 2 == 0), 0.05))
+                    .collect(),
+            ),
         ];
-        let s = summarise(&objects, &["held", "dropped", "diverged"], Throughput::default());
+        let s = summarise(
+            &objects,
+            &["held", "dropped", "diverged"],
+            Throughput::default(),
+        );
         let p = s.physics.unwrap();
         assert_eq!((p.n, p.held), (20, 0.7));
         assert_eq!(p.outcomes["diverged"], 0);

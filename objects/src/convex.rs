@@ -59,8 +59,8 @@ impl ConvexBody {
             .iter()
             .map(|v| {
                 // Back to the exact input point, so that f32 does not leak into the shape.
-                let q = centre
-                    + Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z)) * size;
+                let q =
+                    centre + Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z)) * size;
                 *points
                     .iter()
                     .min_by(|a, b| (*a - q).norm_squared().total_cmp(&(*b - q).norm_squared()))

@@ -268,10 +268,7 @@ fn directed_edges(faces: &[[u32; 3]]) -> Edges {
 
 fn count(edges: &Edges, report: &mut MeshReport) {
     report.boundary_edges = edges.values().filter(|(f, b)| f + b == 1).count();
-    report.non_manifold_edges = edges
-        .values()
-        .filter(|(f, b)| f + b > 1 && f != b)
-        .count();
+    report.non_manifold_edges = edges.values().filter(|(f, b)| f + b > 1 && f != b).count();
 }
 
 fn count_edges(mesh: &TriMesh, report: &mut MeshReport) {
@@ -451,12 +448,18 @@ mod tests {
         let mut nan = cube();
         nan.vertices[5][1] = f64::NAN;
         let message = validate(nan).unwrap_err().to_string();
-        assert!(message.contains("vertex 5") && message.contains("test.obj"), "{message}");
+        assert!(
+            message.contains("vertex 5") && message.contains("test.obj"),
+            "{message}"
+        );
 
         let mut range = cube();
         range.faces[2][0] = 99;
         let message = validate(range).unwrap_err().to_string();
-        assert!(message.contains("face 2") && message.contains("99"), "{message}");
+        assert!(
+            message.contains("face 2") && message.contains("99"),
+            "{message}"
+        );
 
         let empty = RawMesh {
             vertices: cube().vertices,

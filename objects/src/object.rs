@@ -77,14 +77,19 @@ impl Object {
         let path = spec.mesh.as_path();
         let id = spec.id.clone().unwrap_or_else(|| stem(path));
         let scale = positive(path, "scale", spec.scale)?.unwrap_or(1.0);
-        let mesh = if scale == 1.0 { mesh } else { mesh.scaled(scale) };
+        let mesh = if scale == 1.0 {
+            mesh
+        } else {
+            mesh.scaled(scale)
+        };
         check_size(path, &mesh, scale)?;
         let mass_kg = positive(path, "mass_kg", spec.mass_kg)?;
         let density = positive(path, "density_kg_m3", spec.density_kg_m3)?;
         let solid = MassProperties::of_mesh(&mesh);
         let box_volume = mesh.extents().product();
-        let is_solid =
-            report.is_watertight() && solid.volume_m3.is_finite() && solid.volume_m3 > 1e-9 * box_volume.max(1e-12);
+        let is_solid = report.is_watertight()
+            && solid.volume_m3.is_finite()
+            && solid.volume_m3 > 1e-9 * box_volume.max(1e-12);
         let mut mass = if is_solid {
             match (mass_kg, density) {
                 (Some(m), _) => solid.with_mass(m),
@@ -201,7 +206,11 @@ mod tests {
     use crate::shapes::loft;
     use nalgebra::Vector3;
 
-    fn make(spec: &ObjectSpec, size: Vector3<f64>, drop_faces: usize) -> Result<Object, ObjectError> {
+    fn make(
+        spec: &ObjectSpec,
+        size: Vector3<f64>,
+        drop_faces: usize,
+    ) -> Result<Object, ObjectError> {
         let mut raw = loft::cuboid(size);
         raw.faces.truncate(raw.faces.len() - drop_faces);
         let (mesh, report) = TriMesh::from_raw(raw, &spec.mesh).unwrap();
@@ -218,14 +227,18 @@ mod tests {
     #[test]
     fn wrong_units_are_an_error_that_suggests_the_scale() {
         for (edge, hint) in [(100.0, "--scale 0.001"), (0.00001, "--scale 10000")] {
-            let e = make(&spec(), Vector3::repeat(edge), 0).unwrap_err().to_string();
+            let e = make(&spec(), Vector3::repeat(edge), 0)
+                .unwrap_err()
+                .to_string();
             assert!(e.contains(hint) && e.contains("block.obj"), "{e}");
         }
     }
 
     #[test]
     fn an_open_mesh_needs_a_mass() {
-        let e = make(&spec(), Vector3::repeat(0.05), 2).unwrap_err().to_string();
+        let e = make(&spec(), Vector3::repeat(0.05), 2)
+            .unwrap_err()
+            .to_string();
         assert!(e.contains("--mass-kg"), "{e}");
         let with_mass = ObjectSpec {
             mass_kg: Some(0.2),

@@ -93,7 +93,9 @@ impl Depth {
         if !self.touched {
             return 0.0;
         }
-        let lanes = self.deepest[..body.groups.len()].iter().flat_map(|d| d.to_array());
+        let lanes = self.deepest[..body.groups.len()]
+            .iter()
+            .flat_map(|d| d.to_array());
         lanes
             .take(body.planes.len())
             .fold(f32::MAX, |least, d| least.min(-d))

@@ -71,9 +71,7 @@ pub fn decompose(mesh: &TriMesh, settings: &PieceSettings) -> Vec<Vec<Point3<f64
         .map(|(corners, _)| {
             corners
                 .iter()
-                .map(|c| {
-                    centre + nalgebra::Vector3::new(c.x, c.y, c.z).map(f64::from) * size
-                })
+                .map(|c| centre + nalgebra::Vector3::new(c.x, c.y, c.z).map(f64::from) * size)
                 .collect()
         })
         .filter(|corners: &Vec<Point3<f64>>| corners.len() >= 4)
@@ -132,7 +130,9 @@ fn write_atomically(directory: &Path, path: &Path, bytes: &[u8]) -> std::io::Res
     let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
     let temporary = path.with_extension(format!("{}-{serial}.tmp", std::process::id()));
     let mut file = fs::File::create(&temporary)?;
-    let written = file.write_all(bytes).and_then(|()| fs::rename(&temporary, path));
+    let written = file
+        .write_all(bytes)
+        .and_then(|()| fs::rename(&temporary, path));
     if written.is_err() {
         let _ = fs::remove_file(&temporary);
     }
@@ -211,7 +211,12 @@ mod tests {
         let cached = |d: &Path| decompose_cached(&mesh, &settings, Some(d));
         assert_eq!(cached(directory.path()), fresh);
         assert_eq!(cached(directory.path()), fresh);
-        let entry = fs::read_dir(directory.path()).unwrap().next().unwrap().unwrap().path();
+        let entry = fs::read_dir(directory.path())
+            .unwrap()
+            .next()
+            .unwrap()
+            .unwrap()
+            .path();
         let mut bytes = fs::read(&entry).unwrap();
         let last = bytes.len() - 1;
         bytes[last] ^= 1;

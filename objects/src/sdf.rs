@@ -65,9 +65,18 @@ impl SdfGrid {
                     for bz in 0..blocks {
                         let first = [bx * BLOCK, by * BLOCK, bz * BLOCK];
                         let last = first.map(|i| (i + BLOCK).min(resolution));
-                        bake_block(surface, &corner, spacing, first, last, &mut scratch, |i, d| {
-                            slab[((i[0] - first[0]) * resolution + i[1]) * resolution + i[2]] = d;
-                        });
+                        bake_block(
+                            surface,
+                            &corner,
+                            spacing,
+                            first,
+                            last,
+                            &mut scratch,
+                            |i, d| {
+                                slab[((i[0] - first[0]) * resolution + i[1]) * resolution + i[2]] =
+                                    d;
+                            },
+                        );
                     }
                 }
             });
@@ -196,7 +205,9 @@ fn gather(surface: &Surface, centre: &Point3<f64>, radius: f64, scratch: &mut Sc
     };
     scratch.candidates.clear();
     bvh.traverse(|node| {
-        let gap = (node.mins() - local).max(local - node.maxs()).max(Vec3f::ZERO);
+        let gap = (node.mins() - local)
+            .max(local - node.maxs())
+            .max(Vec3f::ZERO);
         if f64::from(gap.length()) - 1.0e-6 > nearest + 2.0 * radius {
             return TraversalAction::Prune;
         }
@@ -207,7 +218,11 @@ fn gather(surface: &Surface, centre: &Point3<f64>, radius: f64, scratch: &mut Sc
             if d <= nearest + 2.0 * radius {
                 scratch.candidates.push(Candidate {
                     distance: d,
-                    towards: if d > 0.0 { (centre - q) / d } else { Vector3::zeros() },
+                    towards: if d > 0.0 {
+                        (centre - q) / d
+                    } else {
+                        Vector3::zeros()
+                    },
                     face,
                 });
             }

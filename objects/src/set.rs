@@ -103,16 +103,21 @@ mod tests {
 
     #[test]
     fn a_set_is_read_in_order_with_defaults() {
-        let set = read("[[object]]\nmesh='b.obj'\n[[object]]\nid='x'\nmesh='a.stl'\nscale=0.001\n").unwrap();
+        let set = read("[[object]]\nmesh='b.obj'\n[[object]]\nid='x'\nmesh='a.stl'\nscale=0.001\n")
+            .unwrap();
         assert_eq!(set[0].id.as_deref(), Some("b"));
         assert_eq!(set[1].scale, Some(0.001));
     }
 
     #[test]
     fn an_unknown_key_and_a_repeated_id_name_the_place() {
-        let e = read("[[object]]\nmesh='b.obj'\nmas_kg=1\n").unwrap_err().to_string();
+        let e = read("[[object]]\nmesh='b.obj'\nmas_kg=1\n")
+            .unwrap_err()
+            .to_string();
         assert!(e.contains("set.toml:3") && e.contains("mas_kg"), "{e}");
-        let e = read("[[object]]\nmesh='b.obj'\n[[object]]\nmesh='b.stl'\n").unwrap_err().to_string();
+        let e = read("[[object]]\nmesh='b.obj'\n[[object]]\nmesh='b.stl'\n")
+            .unwrap_err()
+            .to_string();
         assert!(e.contains("\"b\""), "{e}");
     }
 }

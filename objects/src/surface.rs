@@ -167,8 +167,14 @@ impl Surface {
                 return TraversalAction::Prune;
             }
             if let Some(i) = node.leaf_data() {
-                let flow =
-                    visit_block(&self.blocks[i as usize], &rotation, &shift, lanes, mask, &mut visit);
+                let flow = visit_block(
+                    &self.blocks[i as usize],
+                    &rotation,
+                    &shift,
+                    lanes,
+                    mask,
+                    &mut visit,
+                );
                 if flow.is_break() {
                     return TraversalAction::EarlyExit;
                 }
@@ -186,13 +192,19 @@ impl Surface {
             .find_best(
                 f32::MAX,
                 |node, _| {
-                    let d = (node.mins() - local).max(local - node.maxs()).max(Vec3f::ZERO);
+                    let d = (node.mins() - local)
+                        .max(local - node.maxs())
+                        .max(Vec3f::ZERO);
                     (d.length() - SLACK_M).max(0.0)
                 },
                 |face, _| {
                     let (q, feature) = closest_point(point, &self.mesh.triangle(face as usize));
                     let distance_m = (q - point).norm() as f32;
-                    Some(Nearest { q, feature, distance_m })
+                    Some(Nearest {
+                        q,
+                        feature,
+                        distance_m,
+                    })
                 },
             )
             .expect("a mesh has faces");
@@ -290,7 +302,9 @@ fn split(faces: &mut [u32], centroids: &[Vector3<f32>], groups: &mut Vec<Vec<u32
         (lo.inf(c), hi.sup(c))
     });
     let axis = (hi - lo).imax();
-    let middle = (faces.len() / 2).next_multiple_of(LANES).min(faces.len() - 1);
+    let middle = (faces.len() / 2)
+        .next_multiple_of(LANES)
+        .min(faces.len() - 1);
     faces.select_nth_unstable_by(middle, |&a, &b| {
         let key = |f: u32| centroids[f as usize][axis];
         key(a).total_cmp(&key(b)).then(a.cmp(&b))
@@ -353,8 +367,7 @@ fn visit_block(
                 + f32x8::splat(shift[axis])
         })
     });
-    let low: [f32x8; 3] =
-        std::array::from_fn(|a| turned[0][a].min(turned[1][a]).min(turned[2][a]));
+    let low: [f32x8; 3] = std::array::from_fn(|a| turned[0][a].min(turned[1][a]).min(turned[2][a]));
     let high: [f32x8; 3] =
         std::array::from_fn(|a| turned[0][a].max(turned[1][a]).max(turned[2][a]));
     let mut near = [0u32; LANES];
@@ -417,7 +430,9 @@ fn pseudo_normals(mesh: &TriMesh) -> Normals {
             let angle = u.cross(&v).norm().atan2(u.dot(&v));
             vertex_normals[f[k] as usize] += n * angle;
             let (a, b) = (f[k], f[(k + 1) % 3]);
-            *by_edge.entry((a.min(b), a.max(b))).or_insert_with(Vector3::zeros) += n;
+            *by_edge
+                .entry((a.min(b), a.max(b)))
+                .or_insert_with(Vector3::zeros) += n;
         }
         face_normals.push(n);
     }

@@ -47,7 +47,10 @@ pub fn closest_point(p: &Point3<f64>, [a, b, c]: &[Point3<f64>; 3]) -> (Point3<f
         return (b + (c - b) * w, Feature::Edge(1));
     }
     let denominator = 1.0 / (va + vb + vc);
-    (a + ab * (vb * denominator) + ac * (vc * denominator), Feature::Face)
+    (
+        a + ab * (vb * denominator) + ac * (vc * denominator),
+        Feature::Face,
+    )
 }
 
 /// Distance along `direction` (not necessarily a unit vector, in its lengths) at which the ray

@@ -32,7 +32,10 @@ fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     };
     let head: Vec<String> = header.iter().map(|h| escaped(h)).collect();
     let body: String = rows.iter().map(|r| cells("td", r)).collect();
-    format!("<table><thead>{}</thead><tbody>\n{body}</tbody></table>\n", cells("th", &head))
+    format!(
+        "<table><thead>{}</thead><tbody>\n{body}</tbody></table>\n",
+        cells("th", &head)
+    )
 }
 
 /// A bar from 0 to 1 with its interval as a whisker.
@@ -62,7 +65,12 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
             ("optimal (geometry)", g.optimal),
             ("optimal, closes, centred, aligned", g.optimal_strict),
         ] {
-            headline.push(vec![name.to_owned(), percent(rate), String::new(), bar(rate, None)]);
+            headline.push(vec![
+                name.to_owned(),
+                percent(rate),
+                String::new(),
+                bar(rate, None),
+            ]);
         }
     }
     if let Some(p) = &summary.physics {
@@ -80,7 +88,12 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
             .iter()
             .map(|(name, n)| {
                 let share = *n as f64 / p.n.max(1) as f64;
-                vec![escaped(name), n.to_string(), percent(share), bar(share, None)]
+                vec![
+                    escaped(name),
+                    n.to_string(),
+                    percent(share),
+                    bar(share, None),
+                ]
             })
             .collect();
         body.push_str("<h2>How trials ended</h2>\n");
@@ -93,7 +106,8 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
                 vec![
                     escaped(name),
                     three(a.balanced_accuracy),
-                    a.ci95.map_or_else(String::new, |[lo, hi]| format!("[{lo:.3}, {hi:.3}]")),
+                    a.ci95
+                        .map_or_else(String::new, |[lo, hi]| format!("[{lo:.3}, {hi:.3}]")),
                     three(a.mcc),
                     three(a.auroc),
                     format!("{} / {} / {} / {}", a.tp, a.fp, a.fn_, a.tn),
@@ -101,7 +115,14 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
             })
             .collect();
         body.push_str("<h2>Agreement with labels, beside predictors without simulation</h2>\n");
-        let header = ["predictor", "balanced accuracy", "95 %", "MCC", "AUROC", "TP / FP / FN / TN"];
+        let header = [
+            "predictor",
+            "balanced accuracy",
+            "95 %",
+            "MCC",
+            "AUROC",
+            "TP / FP / FN / TN",
+        ];
         body.push_str(&table(&header, &rows));
     }
     let rows: Vec<Vec<String>> = summary
@@ -112,7 +133,9 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
             vec![
                 escaped(&o.object),
                 o.n.to_string(),
-                o.geometry.as_ref().map_or_else(String::new, |g| percent(g.optimal)),
+                o.geometry
+                    .as_ref()
+                    .map_or_else(String::new, |g| percent(g.optimal)),
                 held.map_or_else(String::new, |p| percent(p.held)),
                 held.map_or_else(String::new, |p| percent_interval(p.ci95)),
                 held.map_or_else(String::new, |p| bar(p.held, p.ci95)),
@@ -120,7 +143,10 @@ pub fn page(manifest: &Manifest, summary: &Summary) -> String {
         })
         .collect();
     body.push_str("<h2>Per object</h2>\n");
-    body.push_str(&table(&["object", "grasps", "optimal", "held", "95 %", ""], &rows));
+    body.push_str(&table(
+        &["object", "grasps", "optimal", "held", "95 %", ""],
+        &rows,
+    ));
     let manifest_text = serde_json::to_string_pretty(manifest).expect("a manifest is plain data");
     format!(
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>\

@@ -33,7 +33,9 @@ pub fn summary(manifest: &Manifest, summary: &Summary) -> String {
         out.push_str(&format!("\nOutcomes: {}\n", parts.join(", ")));
     }
     if let Some(block) = &summary.agreement {
-        out.push_str("\nAgreement with the labels of the input, beside predictors without simulation\n\n");
+        out.push_str(
+            "\nAgreement with the labels of the input, beside predictors without simulation\n\n",
+        );
         out.push_str(&agreement(block));
     }
     out.push_str("\nPer object\n\n");
@@ -67,7 +69,11 @@ fn headline(summary: &Summary) -> String {
         row("graspable (geometry)", g.graspable, String::new());
         row("collision-free (geometry)", g.collision_free, String::new());
         row("optimal (geometry)", g.optimal, String::new());
-        row("optimal, closes, centred, aligned", g.optimal_strict, String::new());
+        row(
+            "optimal, closes, centred, aligned",
+            g.optimal_strict,
+            String::new(),
+        );
     }
     if let Some(p) = &summary.physics {
         row("held (physics)", p.held, percent_interval(p.ci95));
@@ -93,7 +99,8 @@ fn agreement(block: &AgreementBlock) -> String {
             vec![
                 name.to_owned(),
                 three(a.balanced_accuracy),
-                a.ci95.map_or_else(String::new, |[lo, hi]| format!("[{lo:.3}, {hi:.3}]")),
+                a.ci95
+                    .map_or_else(String::new, |[lo, hi]| format!("[{lo:.3}, {hi:.3}]")),
                 three(a.mean_object_balanced_accuracy),
                 three(a.mcc),
                 three(a.auroc),
@@ -105,7 +112,18 @@ fn agreement(block: &AgreementBlock) -> String {
         })
         .collect();
     aligned(
-        &["predictor", "bal. acc.", "95 %", "mean of objects", "MCC", "AUROC", "TP", "FP", "FN", "TN"],
+        &[
+            "predictor",
+            "bal. acc.",
+            "95 %",
+            "mean of objects",
+            "MCC",
+            "AUROC",
+            "TP",
+            "FP",
+            "FN",
+            "TN",
+        ],
         &rows,
     )
 }
@@ -125,12 +143,22 @@ fn objects(summary: &Summary) -> String {
                 rate(p.map(|p| p.held)),
                 percent_interval(p.and_then(|p| p.ci95)),
                 rate(o.success_at.physics.get("10").copied().flatten()),
-                o.agreement.as_ref().map_or_else(|| "-".into(), |a| three(a.trial.balanced_accuracy)),
+                o.agreement
+                    .as_ref()
+                    .map_or_else(|| "-".into(), |a| three(a.trial.balanced_accuracy)),
             ]
         })
         .collect();
     let mut out = aligned(
-        &["object", "grasps", "optimal", "held", "95 %", "success@10", "bal. acc."],
+        &[
+            "object",
+            "grasps",
+            "optimal",
+            "held",
+            "95 %",
+            "success@10",
+            "bal. acc.",
+        ],
         &rows,
     );
     if summary.objects.len() > LISTED {

@@ -27,7 +27,13 @@ impl Replay {
         let safe: String = self
             .object
             .chars()
-            .map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' })
+            .map(|c| {
+                if c.is_ascii_alphanumeric() || "._-".contains(c) {
+                    c
+                } else {
+                    '_'
+                }
+            })
             .take(80)
             .collect();
         let tag = &blake3::hash(self.object.as_bytes()).to_hex()[..8];

@@ -7,7 +7,9 @@ pub fn percent(x: f64) -> String {
 
 /// An interval of rates as percentages.
 pub fn percent_interval(ci: Option<[f64; 2]>) -> String {
-    ci.map_or_else(String::new, |[a, b]| format!("[{:.1}, {:.1}]", 100.0 * a, 100.0 * b))
+    ci.map_or_else(String::new, |[a, b]| {
+        format!("[{:.1}, {:.1}]", 100.0 * a, 100.0 * b)
+    })
 }
 
 /// A number with three digits, or a dash.
@@ -38,7 +40,11 @@ pub fn aligned(header: &[&str], rows: &[Vec<String>]) -> String {
             .enumerate()
             .map(|(i, c)| {
                 let fill = " ".repeat(widths[i] - c.chars().count());
-                if i == 0 { format!("{c}{fill}") } else { format!("{fill}{c}") }
+                if i == 0 {
+                    format!("{c}{fill}")
+                } else {
+                    format!("{fill}{c}")
+                }
             })
             .collect();
         format!("| {} |\n", padded.join(" | "))
@@ -47,7 +53,13 @@ pub fn aligned(header: &[&str], rows: &[Vec<String>]) -> String {
     let rule: Vec<String> = widths
         .iter()
         .enumerate()
-        .map(|(i, w)| if i == 0 { "-".repeat(*w) } else { format!("{}:", "-".repeat(w - 1)) })
+        .map(|(i, w)| {
+            if i == 0 {
+                "-".repeat(*w)
+            } else {
+                format!("{}:", "-".repeat(w - 1))
+            }
+        })
         .collect();
     out.push_str(&format!("| {} |\n", rule.join(" | ")));
     for row in &rows {

@@ -184,13 +184,19 @@ mod tests {
         write_row(&mut out, "a,\"b\"\nc", &full).unwrap();
         write_row(&mut out, "plain", &TrialRow::default()).unwrap();
         let mut reader = csv::Reader::from_reader(&out[..]);
-        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), COLUMNS);
+        assert_eq!(
+            reader.headers().unwrap().iter().collect::<Vec<_>>(),
+            COLUMNS
+        );
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
         assert!(rows.iter().all(|r| r.len() == COLUMNS.len()));
         assert_eq!(&rows[0][0], "a,\"b\"\nc");
         assert_eq!(rows[0][2].parse::<f64>().unwrap(), 0.1 + 0.2);
         assert_eq!(rows[0][5].parse::<f64>().unwrap(), -2.5e-12);
-        assert_eq!((&rows[0][12], &rows[0][19], &rows[0][20]), ("optimal", "held", "1"));
+        assert_eq!(
+            (&rows[0][12], &rows[0][19], &rows[0][20]),
+            ("optimal", "held", "1")
+        );
         assert_eq!(&rows[1][27], "");
     }
 }

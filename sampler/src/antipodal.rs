@@ -113,13 +113,20 @@ fn draw(
     }
     let (width, exit_cosine) = exits[rng.random_range(0..exits.len())];
     let middle = first + direction * (width / 2.0);
-    let closing = if rng.random::<bool>() { direction } else { -direction };
+    let closing = if rng.random::<bool>() {
+        direction
+    } else {
+        -direction
+    };
     let approach = perpendicular(&closing, TAU * rng.random::<f64>());
     let pad = &gripper.pad;
     let height = pad.z_min_m + (pad.z_max_m - pad.z_min_m) * rng.random::<f64>();
     let axes = Matrix3::from_columns(&[closing, approach.cross(&closing), approach]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    let pose = Isometry3::from_parts(Translation3::from(middle.coords - approach * height), rotation);
+    let pose = Isometry3::from_parts(
+        Translation3::from(middle.coords - approach * height),
+        rotation,
+    );
     if penetration_m(surface, hand, &pose).is_some() {
         return None;
     }
@@ -147,7 +154,11 @@ fn in_cone(axis: &Vector3<f64>, cone_rad: f64, rng: &mut ChaCha8Rng) -> Vector3<
 
 /// The unit vector normal to `axis` at an angle about it.
 fn perpendicular(axis: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
-    let helper = if axis.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let helper = if axis.x.abs() < 0.9 {
+        Vector3::x()
+    } else {
+        Vector3::y()
+    };
     let u = axis.cross(&helper).normalize();
     let v = axis.cross(&u);
     u * angle_rad.cos() + v * angle_rad.sin()

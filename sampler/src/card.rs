@@ -123,17 +123,25 @@ impl ModelCard {
             source,
         })?;
         let card: Self = toml::from_str(&text).map_err(|e| {
-            let line = e.span().map_or(1, |s| text[..s.start].matches('\n').count() + 1);
+            let line = e
+                .span()
+                .map_or(1, |s| text[..s.start].matches('\n').count() + 1);
             ModelError::bad(&path, format!("line {line}: {}", e.message()))
         })?;
         let complaint = if !(8..=256).contains(&card.resolution) {
-            Some(format!("resolution is {}, not within 8..=256", card.resolution))
+            Some(format!(
+                "resolution is {}, not within 8..=256",
+                card.resolution
+            ))
         } else if card.steps == 0 {
             Some("steps is 0".to_owned())
         } else if !(card.padding.is_finite() && card.padding >= 0.0) {
             Some(format!("padding is {}", card.padding))
         } else if !(card.noise_translation_std.is_finite() && card.noise_translation_std >= 0.0) {
-            Some(format!("noise_translation_std is {}", card.noise_translation_std))
+            Some(format!(
+                "noise_translation_std is {}",
+                card.noise_translation_std
+            ))
         } else {
             None
         };

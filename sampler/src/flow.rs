@@ -32,7 +32,11 @@ pub trait VelocityField {
     ///
     /// # Errors
     /// A network that fails or returns non-finite numbers.
-    fn velocities(&mut self, samples: &[FlowSample], time: f64) -> Result<Vec<Velocity>, ModelError>;
+    fn velocities(
+        &mut self,
+        samples: &[FlowSample],
+        time: f64,
+    ) -> Result<Vec<Velocity>, ModelError>;
 }
 
 /// The skew projection, as a body-frame angular velocity (eq. 12).
@@ -82,7 +86,8 @@ pub fn integrate(
                         .collect();
                     let there = field.velocities(&ahead, time + dt)?;
                     for ((s, a), b) in chunk.iter_mut().zip(&here).zip(&there) {
-                        let omega = (angular_velocity(&a.rotation) + angular_velocity(&b.rotation)) * 0.5;
+                        let omega =
+                            (angular_velocity(&a.rotation) + angular_velocity(&b.rotation)) * 0.5;
                         let v = (a.translation + b.translation) * 0.5;
                         *s = moved(s, &omega, &v, dt);
                     }
@@ -104,7 +109,11 @@ mod tests {
     }
 
     impl VelocityField for Spring {
-        fn velocities(&mut self, samples: &[FlowSample], _: f64) -> Result<Vec<Velocity>, ModelError> {
+        fn velocities(
+            &mut self,
+            samples: &[FlowSample],
+            _: f64,
+        ) -> Result<Vec<Velocity>, ModelError> {
             let rotation = self.spin.cross_matrix() + Matrix3::from_diagonal_element(3.0);
             Ok(samples
                 .iter()

@@ -158,7 +158,12 @@ impl FlowModel {
     }
 
     /// Encodes a normalised grid.
-    fn bind(&mut self, sdf: &[f32], scale_m: f64, object: Option<&str>) -> Result<Vec<f32>, ModelError> {
+    fn bind(
+        &mut self,
+        sdf: &[f32],
+        scale_m: f64,
+        object: Option<&str>,
+    ) -> Result<Vec<f32>, ModelError> {
         let d = self.card.resolution as i64;
         let path = self.encoder_path.clone();
         let inputs = vec![
@@ -203,7 +208,11 @@ impl Bound<'_> {
 }
 
 impl VelocityField for Bound<'_> {
-    fn velocities(&mut self, samples: &[FlowSample], time: f64) -> Result<Vec<Velocity>, ModelError> {
+    fn velocities(
+        &mut self,
+        samples: &[FlowSample],
+        time: f64,
+    ) -> Result<Vec<Velocity>, ModelError> {
         let n = samples.len();
         let b = n as i64;
         let path = self.model.velocity_path.clone();
@@ -215,18 +224,37 @@ impl VelocityField for Bound<'_> {
             .iter()
             .flat_map(|s| s.translation.map(|x| x as f32).data.0[0]);
         let mut inputs = vec![
-            ("latent", tensor(&path, vec![b, self.latent.len() as i64], self.latent.repeat(n))?),
-            ("rotation", tensor(&path, vec![b, 3, 3], rotations.collect())?),
-            ("translation", tensor(&path, vec![b, 3], translations.collect())?),
+            (
+                "latent",
+                tensor(
+                    &path,
+                    vec![b, self.latent.len() as i64],
+                    self.latent.repeat(n),
+                )?,
+            ),
+            (
+                "rotation",
+                tensor(&path, vec![b, 3, 3], rotations.collect())?,
+            ),
+            (
+                "translation",
+                tensor(&path, vec![b, 3], translations.collect())?,
+            ),
             ("time", tensor(&path, vec![b, 1], vec![time as f32; n])?),
         ];
         let extras = self.model.extras;
         if extras.sdf {
             let d = self.model.card.resolution as i64;
-            inputs.push(("sdf", tensor(&path, vec![b, 1, d, d, d], self.sdf.repeat(n))?));
+            inputs.push((
+                "sdf",
+                tensor(&path, vec![b, 1, d, d, d], self.sdf.repeat(n))?,
+            ));
         }
         if extras.scale {
-            inputs.push(("scale", tensor(&path, vec![b, 1], vec![self.scale_m as f32; n])?));
+            inputs.push((
+                "scale",
+                tensor(&path, vec![b, 1], vec![self.scale_m as f32; n])?,
+            ));
         }
         if extras.sdf_at_points {
             let points = &self.model.card.control_points_m;
@@ -242,7 +270,11 @@ impl VelocityField for Bound<'_> {
             let shape = vec![b, points.len() as i64];
             inputs.push(("sdf_at_points", tensor(&path, shape, values)?));
         }
-        let outputs = self.model.velocity.run(inputs).map_err(|e| failed(&path, &e))?;
+        let outputs = self
+            .model
+            .velocity
+            .run(inputs)
+            .map_err(|e| failed(&path, &e))?;
         let rotation = extract(&path, &outputs, "rotation_velocity")?;
         let translation = extract(&path, &outputs, "translation_velocity")?;
         finite(&path, "rotation_velocity", &rotation, None)?;
@@ -306,8 +338,13 @@ fn finite(path: &Path, name: &str, values: &[f32], object: Option<&str>) -> Resu
     if values.iter().all(|v| v.is_finite()) {
         return Ok(());
     }
-    let of = object.map(|o| format!(" for object {o}")).unwrap_or_default();
-    Err(ModelError::bad(path, format!("output `{name}` is not finite{of}")))
+    let of = object
+        .map(|o| format!(" for object {o}"))
+        .unwrap_or_default();
+    Err(ModelError::bad(
+        path,
+        format!("output `{name}` is not finite{of}"),
+    ))
 }
 
 struct Check<'a> {
@@ -320,7 +357,12 @@ impl Check<'_> {
         ModelError::bad(self.path, what)
     }
 
-    fn names(&self, needed: &[&str], optional: &[&str], outputs: &[&str]) -> Result<(), ModelError> {
+    fn names(
+        &self,
+        needed: &[&str],
+        optional: &[&str],
+        outputs: &[&str],
+    ) -> Result<(), ModelError> {
         let inputs: Vec<&str> = self.session.inputs().iter().map(|i| i.name()).collect();
         for name in needed {
             if !inputs.contains(name) {

@@ -33,14 +33,17 @@ pub fn runtime(path: Option<&Path>) -> Result<&'static (Runtime, Environment), S
     let runtime = match path {
         Some(path) => open(path)
             .ok_or_else(|| format!("{} is no ONNX Runtime >= 1.{API_VERSION}", path.display()))?,
-        None => candidates().iter().find_map(|p| open(p)).unwrap_or_else(|| {
-            ort::set_api(ort_tract::api());
-            Runtime {
-                name: "tract",
-                version: "0.23".into(),
-                path: None,
-            }
-        }),
+        None => candidates()
+            .iter()
+            .find_map(|p| open(p))
+            .unwrap_or_else(|| {
+                ort::set_api(ort_tract::api());
+                Runtime {
+                    name: "tract",
+                    version: "0.23".into(),
+                    path: None,
+                }
+            }),
     };
     let environment = ort::init()
         .build()
@@ -58,7 +61,11 @@ fn candidates() -> Vec<PathBuf> {
     };
     let mut paths = Vec::new();
     paths.extend(std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from));
-    if let Some(directory) = std::env::current_exe().ok().as_deref().and_then(Path::parent) {
+    if let Some(directory) = std::env::current_exe()
+        .ok()
+        .as_deref()
+        .and_then(Path::parent)
+    {
         paths.push(directory.join(name));
     }
     // A bare name is looked up by the system's loader.

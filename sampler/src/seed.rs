@@ -65,7 +65,10 @@ mod tests {
         // The mean rotation angle of the Haar measure is pi / 2 + 2 / pi.
         let mut rng = stream(0, "test", "", "", 0);
         let n = 4000;
-        let mean = (0..n).map(|_| uniform_rotation(&mut rng).angle()).sum::<f64>() / f64::from(n);
+        let mean = (0..n)
+            .map(|_| uniform_rotation(&mut rng).angle())
+            .sum::<f64>()
+            / f64::from(n);
         let expected = std::f64::consts::FRAC_PI_2 + std::f64::consts::FRAC_2_PI;
         assert!((mean - expected).abs() < 0.04, "{mean} {expected}");
     }

@@ -39,8 +39,8 @@ pub(crate) fn read(
         let body = &world.bodies[fingers[i]];
         let origin = convert::from_vector(body.position().translation);
         let arm = origin - world_from_hand.translation.vector;
-        let carried = convert::from_vector(palm.linvel())
-            + convert::from_vector(palm.angvel()).cross(&arm);
+        let carried =
+            convert::from_vector(palm.linvel()) + convert::from_vector(palm.angvel()).cross(&arm);
         let relative = convert::from_vector(body.linvel()) - carried;
         state.position_m[i] = sign * closing_axis.dot(&arm);
         state.speed_m_s[i] = sign * closing_axis.dot(&relative);

@@ -191,7 +191,9 @@ impl Protocol {
             what,
         };
         let mut table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
-            let line = e.span().map_or(1, |s| text[..s.start].matches('\n').count() + 1);
+            let line = e
+                .span()
+                .map_or(1, |s| text[..s.start].matches('\n').count() + 1);
             bad(format!("line {line}: {}", e.message()))
         })?;
         let keys = known_keys();
@@ -286,7 +288,10 @@ impl Protocol {
             );
         }
         if self.dt_s > 0.02 {
-            return Err(format!("dt_s is {}; steps over 0.02 s decide nothing", self.dt_s));
+            return Err(format!(
+                "dt_s is {}; steps over 0.02 s decide nothing",
+                self.dt_s
+            ));
         }
         if s.iterations == 0 || s.piece_resolution < 8 || s.piece_max == 0 {
             return Err(
@@ -375,7 +380,13 @@ mod tests {
         let set = |s: &str| Protocol::load("acronym", &[s.to_owned()]);
         assert_eq!(set("friction=0.3").unwrap().friction, 0.3);
         assert_eq!(set("solver.iterations=12").unwrap().solver.iterations, 12);
-        assert_eq!(set("solver.object_contact=surface").unwrap().solver.object_contact, ObjectContact::Surface);
+        assert_eq!(
+            set("solver.object_contact=surface")
+                .unwrap()
+                .solver
+                .object_contact,
+            ObjectContact::Surface
+        );
         for (item, needle) in [
             ("frction=1", "did you mean \"friction\""),
             ("friction=slippery", "not a number"),

@@ -152,10 +152,7 @@ fn compound(bodies: &[Vec<Point3<f64>>]) -> Option<SharedShape> {
         0 => None,
         1 => shapes.pop(),
         _ => Some(SharedShape::compound(
-            shapes
-                .into_iter()
-                .map(|s| (Pose::IDENTITY, s))
-                .collect(),
+            shapes.into_iter().map(|s| (Pose::IDENTITY, s)).collect(),
         )),
     }
 }
@@ -184,13 +181,18 @@ fn pieces_shape(
 
 fn surface_shape(object: &Object, com: &Point3<f64>) -> Result<(SharedShape, usize), SceneError> {
     let mesh = object.surface.mesh();
-    let points = mesh.vertices().iter().map(|v| convert::point(&(v - com.coords))).collect();
+    let points = mesh
+        .vertices()
+        .iter()
+        .map(|v| convert::point(&(v - com.coords)))
+        .collect();
     let flags = TriMeshFlags::FIX_INTERNAL_EDGES;
-    let shape = SharedShape::trimesh_with_flags(points, mesh.faces().to_vec(), flags).map_err(|e| {
-        SceneError::Shape {
-            object: object.id.clone(),
-            what: format!("no collision surface: {e}"),
-        }
-    })?;
+    let shape =
+        SharedShape::trimesh_with_flags(points, mesh.faces().to_vec(), flags).map_err(|e| {
+            SceneError::Shape {
+                object: object.id.clone(),
+                what: format!("no collision surface: {e}"),
+            }
+        })?;
     Ok((shape, mesh.faces().len()))
 }

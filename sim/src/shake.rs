@@ -16,7 +16,11 @@ pub struct Shake {
 impl Shake {
     /// Length, s.
     pub fn duration_s(&self) -> f64 {
-        if self.amplitude == 0.0 { 0.0 } else { self.cycles / self.hz }
+        if self.amplitude == 0.0 {
+            0.0
+        } else {
+            self.cycles / self.hz
+        }
     }
 
     /// Deflection at `t` seconds from its start, in units of the amplitude's unit.
@@ -44,7 +48,9 @@ mod tests {
         assert_eq!(shake.duration_s(), 1.0);
         let h = 1e-5;
         assert!(shake.offset(h).abs() < 1e-9 && shake.offset(1.0 - h).abs() < 1e-9);
-        let peak = (0..1000).map(|i| shake.offset(f64::from(i) / 1000.0).abs()).fold(0.0, f64::max);
+        let peak = (0..1000)
+            .map(|i| shake.offset(f64::from(i) / 1000.0).abs())
+            .fold(0.0, f64::max);
         assert!(peak > 0.03 && peak <= 0.05, "{peak}");
     }
 }

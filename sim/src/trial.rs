@@ -65,7 +65,11 @@ impl<'a> Trial<'a> {
     fn judge(&mut self) -> Label {
         let p = &self.scene.protocol;
         self.record(false);
-        let depth = penetration_m(&self.scene.surface, &self.scene.hand, &self.object_from_hand);
+        let depth = penetration_m(
+            &self.scene.surface,
+            &self.scene.hand,
+            &self.object_from_hand,
+        );
         if depth.is_some_and(|d| d > p.initial_penetration_max_m) {
             return Label::InitialCollision;
         }
@@ -110,7 +114,11 @@ impl<'a> Trial<'a> {
             touching = contacts.map(|c| c.touches);
             let speeds = self.world.fingers().speed_m_s;
             let at_rest = speeds.iter().all(|v| v.abs() < REST_SPEED_M_S);
-            rest_s = if at_rest && touching == [true; 2] { rest_s + p.dt_s } else { 0.0 };
+            rest_s = if at_rest && touching == [true; 2] {
+                rest_s + p.dt_s
+            } else {
+                0.0
+            };
             if rest_s >= REST_S {
                 break;
             }
@@ -118,7 +126,11 @@ impl<'a> Trial<'a> {
         let forces = self.world.contacts(p.dt_s).map(|c| c.force_n.norm());
         self.outcome.grip_force_n = Some((forces[0] + forces[1]) / 2.0);
         self.outcome.width_m = Some(self.world.fingers().width_m());
-        if touching == [true; 2] { Ok(()) } else { Err(Label::NoContact) }
+        if touching == [true; 2] {
+            Ok(())
+        } else {
+            Err(Label::NoContact)
+        }
     }
 
     fn measure_closing(&mut self, start: &Isometry3<f64>) -> Option<Isometry3<f64>> {
@@ -133,7 +145,9 @@ impl<'a> Trial<'a> {
     fn load(&mut self) -> Label {
         let p = &self.scene.protocol;
         self.world.limit_speed(self.scene, f64::INFINITY);
-        let down = self.object_from_hand.inverse_transform_vector(&Vector3::new(0.0, 0.0, -1.0));
+        let down = self
+            .object_from_hand
+            .inverse_transform_vector(&Vector3::new(0.0, 0.0, -1.0));
         self.world.release(&(down * p.gravity_m_s2));
         self.last_touch_s = self.outcome.sim_s;
         let linear = Shake {
@@ -187,7 +201,11 @@ impl<'a> Trial<'a> {
                 *seen |= contact.touches;
             }
         }
-        if touched == [true; 2] { Label::Held } else { Label::Dropped }
+        if touched == [true; 2] {
+            Label::Held
+        } else {
+            Label::Dropped
+        }
     }
 
     fn advance(&mut self, world_from_hand: &Isometry3<f64>) {

@@ -37,9 +37,8 @@ impl World {
             ..PhysicsWorld::default()
         };
         let friction = scene.friction as f32;
-        let meets = |own: Group, other: Group| {
-            InteractionGroups::new(own, other, InteractionTestMode::And)
-        };
+        let meets =
+            |own: Group, other: Group| InteractionGroups::new(own, other, InteractionTestMode::And);
         let surface = |shape: &SharedShape, groups: InteractionGroups| {
             ColliderBuilder::new(shape.clone())
                 .density(0.0)
@@ -152,9 +151,10 @@ impl World {
     pub(crate) fn contacts(&self, dt_s: f64) -> [FingerContact; 2] {
         [0, 1].map(|i| {
             let parts = self.finger_colliders[i].iter();
-            contact::sum(parts.map(|part| {
-                contact::between(&self.physics, *part, self.object_collider, dt_s)
-            }))
+            contact::sum(
+                parts
+                    .map(|part| contact::between(&self.physics, *part, self.object_collider, dt_s)),
+            )
         })
     }
 

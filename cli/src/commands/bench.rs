@@ -34,14 +34,22 @@ pub fn run(global: &Global, args: &BenchArgs) -> Result<Exit, Failure> {
                 .iter()
                 .map(|m| serde_json::json!({"name": m.name, "unit": m.unit, "value": m.value, "extra": object.id}))
                 .collect();
-            println!("{}", serde_json::to_string_pretty(&list).expect("plain data"));
+            println!(
+                "{}",
+                serde_json::to_string_pretty(&list).expect("plain data")
+            );
         }
         Format::Text | Format::Md => {
             let rows: Vec<Vec<String>> = results
                 .iter()
                 .map(|m| vec![m.name.into(), format!("{:.1}", m.value), m.unit.into()])
                 .collect();
-            println!("{} ({} faces), {} grasps, one thread\n", object.id, object.surface.mesh().faces().len(), grasps.len());
+            println!(
+                "{} ({} faces), {} grasps, one thread\n",
+                object.id,
+                object.surface.mesh().faces().len(),
+                grasps.len()
+            );
             print!("{}", aligned(&["stage", "value", "unit"], &rows));
         }
     }
@@ -94,7 +102,11 @@ fn cpu_s(mut work: impl FnMut()) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(repeats)
 }
 
-fn geometry(object: &Object, gripper: &Gripper, grasps: &[Grasp]) -> Result<Vec<Measured>, Failure> {
+fn geometry(
+    object: &Object,
+    gripper: &Gripper,
+    grasps: &[Grasp],
+) -> Result<Vec<Measured>, Failure> {
     let hand = HandModel::new(gripper, gripper.opening_max_m)?;
     let thresholds = Thresholds::default();
     let mut sum = 0.0;
@@ -108,9 +120,12 @@ fn geometry(object: &Object, gripper: &Gripper, grasps: &[Grasp]) -> Result<Vec<
         .num_threads(1)
         .build()
         .map_err(Failure::internal)?;
-    let sdf = pool.install(|| cpu_s(|| sum += f64::from(SdfGrid::bake(&object.surface, 64, 0.1).values_m[0])));
+    let sdf = pool.install(|| {
+        cpu_s(|| sum += f64::from(SdfGrid::bake(&object.surface, 64, 0.1).values_m[0]))
+    });
     let settings = AntipodalSettings::default();
-    let antipodal = cpu_s(|| sum += sample_antipodal(object, gripper, 16, 1, &settings).len() as f64);
+    let antipodal =
+        cpu_s(|| sum += sample_antipodal(object, gripper, 16, 1, &settings).len() as f64);
     // Used, so that no stage can be optimised away.
     if sum.is_nan() {
         return Err(Failure::internal("a stage returned no number"));

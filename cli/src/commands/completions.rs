@@ -7,6 +7,11 @@ use crate::failure::{Exit, Failure};
 
 pub fn run(args: &CompletionsArgs) -> Result<Exit, Failure> {
     let mut command = Cli::command();
-    clap_complete::generate(args.shell, &mut command, "shakedown", &mut std::io::stdout());
+    clap_complete::generate(
+        args.shell,
+        &mut command,
+        "shakedown",
+        &mut std::io::stdout(),
+    );
     Ok(Exit::Success)
 }

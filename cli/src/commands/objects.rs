@@ -33,9 +33,22 @@ pub fn run(global: &Global, args: &ObjectsArgs) -> Result<Exit, Failure> {
         values.push(value(item, &object));
     }
     match global.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&values).expect("plain data")),
+        Format::Json => println!(
+            "{}",
+            serde_json::to_string_pretty(&values).expect("plain data")
+        ),
         Format::Text | Format::Md => {
-            let header = ["object", "split", "size mm", "mass g", "volume cm3", "faces", "bodies", "closed", "mends"];
+            let header = [
+                "object",
+                "split",
+                "size mm",
+                "mass g",
+                "volume cm3",
+                "faces",
+                "bodies",
+                "closed",
+                "mends",
+            ];
             print!("{}", aligned(&header, &rows));
         }
     }
@@ -65,7 +78,12 @@ fn row(item: &Item, object: &Object) -> Vec<String> {
         format!("{:.1}", object.mass.volume_m3 * 1e6),
         object.surface.mesh().faces().len().to_string(),
         object.report.bodies.to_string(),
-        if object.surface.is_watertight() { "yes" } else { "no" }.into(),
+        if object.surface.is_watertight() {
+            "yes"
+        } else {
+            "no"
+        }
+        .into(),
         object.report.mends().join(", "),
     ]
 }

@@ -11,7 +11,10 @@ pub fn run(global: &Global, args: &NameArgs) -> Result<Exit, Failure> {
         let protocol = Protocol::load(name, &[])?;
         match (global.format, Protocol::source_text(name)) {
             (Format::Json, _) => {
-                println!("{}", serde_json::to_string_pretty(&protocol).expect("plain data"));
+                println!(
+                    "{}",
+                    serde_json::to_string_pretty(&protocol).expect("plain data")
+                );
             }
             (_, Some(text)) => print!("{text}"),
             (_, None) => print!("{}", toml::to_string(&protocol).expect("plain data")),
@@ -22,13 +25,19 @@ pub fn run(global: &Global, args: &NameArgs) -> Result<Exit, Failure> {
         .map(|n| Protocol::load(n, &[]))
         .collect::<Result<Vec<_>, _>>()?;
     if global.format == Format::Json {
-        println!("{}", serde_json::to_string_pretty(&presets).expect("plain data"));
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&presets).expect("plain data")
+        );
         return Ok(Exit::Success);
     }
     let rows: Vec<Vec<String>> = presets
         .iter()
         .map(|p| vec![p.name.clone(), p.version.clone(), p.description.clone()])
         .collect();
-    print!("{}", aligned(&["protocol", "version", "what it does"], &rows));
+    print!(
+        "{}",
+        aligned(&["protocol", "version", "what it does"], &rows)
+    );
     Ok(Exit::Success)
 }

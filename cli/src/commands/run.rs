@@ -58,7 +58,11 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
         steps: cost.steps,
         cpu_s: cost.cpu_s,
         wall_s: started.elapsed().as_secs_f64(),
-        trials_per_cpu_s: if cost.cpu_s > 0.0 { cost.trials as f64 / cost.cpu_s } else { 0.0 },
+        trials_per_cpu_s: if cost.cpu_s > 0.0 {
+            cost.trials as f64 / cost.cpu_s
+        } else {
+            0.0
+        },
     };
     let names: Vec<&str> = Label::ALL.iter().map(|l| l.name()).collect();
     let summary = summarise(&objects, &names, throughput);
@@ -66,7 +70,10 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
     store.finish(&summary)?;
     match global.format {
         Format::Json => {
-            println!("{}", serde_json::to_string_pretty(&summary).expect("plain data"));
+            println!(
+                "{}",
+                serde_json::to_string_pretty(&summary).expect("plain data")
+            );
         }
         Format::Text | Format::Md => print!("{}", markdown::summary(&manifest, &summary)),
     }
@@ -79,7 +86,11 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
     for failure in &unreadable {
         eprintln!("skipped: {failure}");
     }
-    Ok(if unreadable.is_empty() { Exit::Success } else { Exit::Incomplete })
+    Ok(if unreadable.is_empty() {
+        Exit::Success
+    } else {
+        Exit::Incomplete
+    })
 }
 
 /// Everything that does not change during a run.
@@ -99,7 +110,11 @@ struct Prepared {
 
 impl Job<'_> {
     /// Describes every object; under `--keep-going` those that cannot be read leave the plan.
-    fn manifest(&self, plan: &mut Plan, unreadable: &mut Vec<Failure>) -> Result<Manifest, Failure> {
+    fn manifest(
+        &self,
+        plan: &mut Plan,
+        unreadable: &mut Vec<Failure>,
+    ) -> Result<Manifest, Failure> {
         let mut described = Vec::new();
         let mut readable = Vec::new();
         for item in plan.items.drain(..) {
@@ -121,11 +136,14 @@ impl Job<'_> {
             .into_iter()
             .map(|(k, v)| (k, value(v)))
             .collect();
-        let stages: Vec<&str> = [(self.settings.geometry, "geometry"), (self.settings.physics, "physics")]
-            .into_iter()
-            .filter(|(on, _)| *on)
-            .map(|(_, name)| name)
-            .collect();
+        let stages: Vec<&str> = [
+            (self.settings.geometry, "geometry"),
+            (self.settings.physics, "physics"),
+        ]
+        .into_iter()
+        .filter(|(on, _)| *on)
+        .map(|(_, name)| name)
+        .collect();
         let json = |v: &dyn erased::Plain| v.json();
         Ok(Manifest {
             contract: 1,
@@ -167,7 +185,10 @@ impl Job<'_> {
         )?;
         if selected.reorthonormalised > 0 {
             let n = selected.reorthonormalised;
-            progress::note(self.global, &format!("{}: {n} rotations had drifted and were mended", item.id));
+            progress::note(
+                self.global,
+                &format!("{}: {n} rotations had drifted and were mended", item.id),
+            );
         }
         let mut grasps = selected.grasps;
         if item.grasps.is_none() && (grasps.len() as u64) < self.args.source.candidates {
@@ -240,10 +261,9 @@ impl Job<'_> {
         // Trials are slow, so their rows go to disk in small portions.
         let chunk = if self.settings.physics { 64 } else { CHUNK };
         for grasps in prepared.grasps.chunks(chunk) {
-            let rows =
-                prepared
-                    .bench
-                    .rows(self.settings, grasps, self.args.record, cost, || bar.inc(1));
+            let rows = prepared
+                .bench
+                .rows(self.settings, grasps, self.args.record, cost, || bar.inc(1));
             let mut cells = Vec::with_capacity(rows.len());
             for (cell, row, replay) in rows {
                 cells.push(cell);
@@ -266,12 +286,20 @@ impl Job<'_> {
                     let file = shakedown_gripper_assets::read_grasps(path, self.options)?;
                     (file.grasps.len() as u64).min(self.args.limit.unwrap_or(u64::MAX))
                 }
-                None => self.args.source.candidates.min(self.args.limit.unwrap_or(u64::MAX)),
+                None => self
+                    .args
+                    .source
+                    .candidates
+                    .min(self.args.limit.unwrap_or(u64::MAX)),
             };
             println!("{} {n}", item.id);
             total += n;
         }
-        println!("run {}: {} objects, {total} grasps", manifest.run_id, plan.items.len());
+        println!(
+            "run {}: {} objects, {total} grasps",
+            manifest.run_id,
+            plan.items.len()
+        );
         Ok(Exit::Success)
     }
 }

@@ -38,7 +38,11 @@ pub fn run(global: &Global, args: &SampleArgs) -> Result<Exit, Failure> {
             &options,
             global.seed,
         )?;
-        let path = if many { args.out.join(file_name(&item.id, format)) } else { args.out.clone() };
+        let path = if many {
+            args.out.join(file_name(&item.id, format))
+        } else {
+            args.out.clone()
+        };
         let (mesh, scale) = match &item.material {
             Material::Mesh(spec) => (Some(spec.mesh.clone()), args.object.scale.or(spec.scale)),
             Material::Shape(_) => (None, None),
@@ -60,7 +64,10 @@ pub fn run(global: &Global, args: &SampleArgs) -> Result<Exit, Failure> {
             grasps: selected.grasps,
             reorthonormalised: 0,
         })?;
-        progress::note(global, &format!("{count} grasps of {} in {}", item.id, path.display()));
+        progress::note(
+            global,
+            &format!("{count} grasps of {} in {}", item.id, path.display()),
+        );
     }
     Ok(Exit::Success)
 }

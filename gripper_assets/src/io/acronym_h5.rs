@@ -46,9 +46,16 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
     let h5 = Reader::open(path)?;
     let shape = h5.shape("grasps/transforms")?;
     let [n, 4, 4] = shape[..] else {
-        return Err(h5.bad("grasps/transforms", format!("its shape is {shape:?}, not [N, 4, 4]")));
+        return Err(h5.bad(
+            "grasps/transforms",
+            format!("its shape is {shape:?}, not [N, 4, 4]"),
+        ));
     };
-    let transforms = if n == 0 { Vec::new() } else { h5.floats("grasps/transforms")? };
+    let transforms = if n == 0 {
+        Vec::new()
+    } else {
+        h5.floats("grasps/transforms")?
+    };
     let mut poses = Poses::new(path, options.frame.unwrap_or(HandFrame::Acronym), options);
     for (i, m) in transforms.chunks_exact(16).enumerate() {
         let rows: [[f64; 4]; 4] = std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c]));
@@ -62,7 +69,10 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
             grasp.label = Some(label != 0);
         }
     }
-    if let Some(q) = h5.optional_floats("gripper/configuration")?.and_then(|q| q.first().copied()) {
+    if let Some(q) = h5
+        .optional_floats("gripper/configuration")?
+        .and_then(|q| q.first().copied())
+    {
         for grasp in &mut poses.grasps {
             grasp.width_m = Some(2.0 * q);
         }
@@ -87,13 +97,17 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         density_kg_m3: number("density")?,
         friction: number("friction")?,
         volume_m3: number("volume")?,
-        com_m: com.filter(|v| v.len() == 3).map(|v| Point3::new(v[0], v[1], v[2])),
+        com_m: com
+            .filter(|v| v.len() == 3)
+            .map(|v| Point3::new(v[0], v[1], v[2])),
         inertia_kg_m2: inertia.filter(|m| m.iter().all(|x| x.is_finite())),
     };
-    let gripper = h5.optional_string("gripper/type")?.map(|g| match g.as_str() {
-        "panda" => "franka_panda".to_owned(),
-        _ => g,
-    });
+    let gripper = h5
+        .optional_string("gripper/type")?
+        .map(|g| match g.as_str() {
+            "panda" => "franka_panda".to_owned(),
+            _ => g,
+        });
     Ok(poses.finish(GraspFormat::AcronymH5, gripper, object))
 }
 
@@ -106,7 +120,12 @@ impl<'a> Reader<'a> {
     fn open(path: &'a Path) -> Result<Self, GraspError> {
         let bytes = std::fs::read(path).map_err(|e| GraspError::io(path, e))?;
         let file = Hdf5File::from_vec(bytes).map_err(|e| {
-            GraspError::bad(path, "header", e.to_string(), "the file is truncated or not HDF5")
+            GraspError::bad(
+                path,
+                "header",
+                e.to_string(),
+                "the file is truncated or not HDF5",
+            )
         })?;
         Ok(Self { path, file })
     }
@@ -148,7 +167,11 @@ impl<'a> Reader<'a> {
     }
 
     fn optional_floats(&self, name: &str) -> Result<Option<Vec<f64>>, GraspError> {
-        if self.has(name) { self.floats(name).map(Some) } else { Ok(None) }
+        if self.has(name) {
+            self.floats(name).map(Some)
+        } else {
+            Ok(None)
+        }
     }
 
     /// Integers of any of the types that files use for a flag.
@@ -157,9 +180,21 @@ impl<'a> Reader<'a> {
         let values = dataset
             .read_array::<i64>()
             .map(|a| a.iter().copied().collect())
-            .or_else(|_| dataset.read_array::<i32>().map(|a| a.iter().map(|&x| x.into()).collect()))
-            .or_else(|_| dataset.read_array::<i8>().map(|a| a.iter().map(|&x| x.into()).collect()))
-            .or_else(|_| dataset.read_array::<u8>().map(|a| a.iter().map(|&x| x.into()).collect()));
+            .or_else(|_| {
+                dataset
+                    .read_array::<i32>()
+                    .map(|a| a.iter().map(|&x| x.into()).collect())
+            })
+            .or_else(|_| {
+                dataset
+                    .read_array::<i8>()
+                    .map(|a| a.iter().map(|&x| x.into()).collect())
+            })
+            .or_else(|_| {
+                dataset
+                    .read_array::<u8>()
+                    .map(|a| a.iter().map(|&x| x.into()).collect())
+            });
         values.map_err(|e| self.bad(name, e.to_string()))
     }
 

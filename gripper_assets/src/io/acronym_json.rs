@@ -56,7 +56,12 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         poses.push(pose_of_matrix(rows), || format!("transforms[{i}]"))?;
     }
     if let Some(labels) = &content.quality_flex_object_in_gripper {
-        check_length(path, "quality_flex_object_in_gripper", labels.len(), poses.grasps.len())?;
+        check_length(
+            path,
+            "quality_flex_object_in_gripper",
+            labels.len(),
+            poses.grasps.len(),
+        )?;
         for (grasp, label) in poses.grasps.iter_mut().zip(labels) {
             grasp.label = Some(*label != 0);
         }
@@ -85,10 +90,13 @@ pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
             .iter()
             .map(|g| matrix_rows(&g.object_from_hand))
             .collect(),
-        quality_flex_object_in_gripper: all(|g| g.label.is_some())
-            .then(|| file.grasps.iter().map(|g| i64::from(g.label == Some(true))).collect()),
-        score: (!all(|g| g.score.is_none()))
-            .then(|| file.grasps.iter().map(|g| g.score).collect()),
+        quality_flex_object_in_gripper: all(|g| g.label.is_some()).then(|| {
+            file.grasps
+                .iter()
+                .map(|g| i64::from(g.label == Some(true)))
+                .collect()
+        }),
+        score: (!all(|g| g.score.is_none())).then(|| file.grasps.iter().map(|g| g.score).collect()),
     };
     save(&file.path, &content)
 }

@@ -33,7 +33,10 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
     let mut poses: Option<Poses<'_>> = None;
     let mut file_frame: Option<String> = None;
     let mut record = ::csv::StringRecord::new();
-    while reader.read_record(&mut record).map_err(|e| csv_error(path, &e))? {
+    while reader
+        .read_record(&mut record)
+        .map_err(|e| csv_error(path, &e))?
+    {
         let line = record.position().map_or(0, ::csv::Position::line);
         let number = |column: usize| -> Result<f64, GraspError> {
             let text = record.get(column).unwrap_or("");
@@ -55,7 +58,11 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         let here = frame.and_then(|c| record.get(c)).filter(|f| !f.is_empty());
         if poses.is_none() {
             file_frame = here.map(str::to_owned);
-            poses = Some(Poses::new(path, stated_frame(path, options, here)?, options));
+            poses = Some(Poses::new(
+                path,
+                stated_frame(path, options, here)?,
+                options,
+            ));
         } else if here != file_frame.as_deref() {
             return Err(GraspError::bad(
                 path,
@@ -102,7 +109,12 @@ fn csv_error(path: &Path, error: &::csv::Error) -> GraspError {
     let place = error
         .position()
         .map_or_else(|| "file".to_owned(), |p| format!("line {}", p.line()));
-    GraspError::bad(path, place, error.to_string(), "write plain comma-separated text")
+    GraspError::bad(
+        path,
+        place,
+        error.to_string(),
+        "write plain comma-separated text",
+    )
 }
 
 pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
@@ -115,8 +127,13 @@ pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
     let io = |e: ::csv::Error| GraspError::io(&file.path, e.into());
     let mut out = ::csv::Writer::from_writer(create(&file.path)?);
     let names = ["score", "label", "width_m"];
-    let extra = names.into_iter().zip(has).filter(|(_, h)| *h).map(|(n, _)| n);
-    out.write_record(POSE.into_iter().chain(extra).chain(["frame"])).map_err(io)?;
+    let extra = names
+        .into_iter()
+        .zip(has)
+        .filter(|(_, h)| *h)
+        .map(|(n, _)| n);
+    out.write_record(POSE.into_iter().chain(extra).chain(["frame"]))
+        .map_err(io)?;
     for g in &file.grasps {
         let t = g.object_from_hand.translation.vector;
         let q = g.object_from_hand.rotation.coords;
@@ -127,7 +144,13 @@ pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
         let text = |x: Option<f64>| x.map(|v| v.to_string()).unwrap_or_default();
         let label = g.label.map(|l| u8::from(l).to_string()).unwrap_or_default();
         let cells = [text(g.score), label, text(g.width_m)];
-        row.extend(cells.into_iter().zip(has).filter(|(_, h)| *h).map(|(c, _)| c));
+        row.extend(
+            cells
+                .into_iter()
+                .zip(has)
+                .filter(|(_, h)| *h)
+                .map(|(c, _)| c),
+        );
         row.push("acronym".into());
         out.write_record(&row).map_err(io)?;
     }

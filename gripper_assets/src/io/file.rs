@@ -55,7 +55,10 @@ impl GraspFormat {
         let mut file = fs::File::open(path).map_err(|e| GraspError::io(path, e))?;
         let mut n = 0;
         while n < head.len() {
-            match file.read(&mut head[n..]).map_err(|e| GraspError::io(path, e))? {
+            match file
+                .read(&mut head[n..])
+                .map_err(|e| GraspError::io(path, e))?
+            {
                 0 => break,
                 k => n += k,
             }
@@ -70,14 +73,23 @@ impl GraspFormat {
         let text = String::from_utf8_lossy(&head);
         let start = text.trim_start_matches('\u{feff}').trim_start();
         if start.is_empty() {
-            return Err(GraspError::bad(path, "file", "it is empty", "write the grasps again"));
+            return Err(GraspError::bad(
+                path,
+                "file",
+                "it is empty",
+                "write the grasps again",
+            ));
         }
         if start.starts_with('{') {
             let whole = fs::read_to_string(path).map_err(|e| GraspError::io(path, e))?;
             let is_acronym = whole.contains("\"object_scale\"")
                 || whole.contains("\"quality_flex_object_in_gripper\"")
                 || !whole.contains("\"grasps\"");
-            return Ok(if is_acronym { Self::AcronymJson } else { Self::GraspGenJson });
+            return Ok(if is_acronym {
+                Self::AcronymJson
+            } else {
+                Self::GraspGenJson
+            });
         }
         if text.contains("isaac_grasp") {
             return Ok(Self::IsaacYaml);

@@ -44,7 +44,12 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         poses.push(pose_of_matrix(rows), || format!("grasps.transforms[{i}]"))?;
     }
     if let Some(labels) = &content.grasps.object_in_gripper {
-        check_length(path, "grasps.object_in_gripper", labels.len(), poses.grasps.len())?;
+        check_length(
+            path,
+            "grasps.object_in_gripper",
+            labels.len(),
+            poses.grasps.len(),
+        )?;
         for (grasp, label) in poses.grasps.iter_mut().zip(labels) {
             grasp.label = Some(*label);
         }

@@ -61,7 +61,12 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         let place = e
             .location()
             .map_or_else(|| "file".to_owned(), |l| format!("line {}", l.line()));
-        GraspError::bad(path, place, e.to_string(), "see docs/formats.md for the keys")
+        GraspError::bad(
+            path,
+            place,
+            e.to_string(),
+            "see docs/formats.md for the keys",
+        )
     })?;
     if content.format != "isaac_grasp" {
         return Err(GraspError::bad(
@@ -122,8 +127,10 @@ pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
     let text = yaml_serde::to_string(&content)
         .map_err(|e| GraspError::bad(&file.path, "file", e.to_string(), "this is a defect"))?;
     let mut out = create(&file.path)?;
-    out.write_all(b"# poses: object_from_hand, ACRONYM hand frame (z approach, x closing), metres\n")
-        .and_then(|()| out.write_all(text.as_bytes()))
-        .and_then(|()| out.flush())
-        .map_err(|e| GraspError::io(&file.path, e))
+    out.write_all(
+        b"# poses: object_from_hand, ACRONYM hand frame (z approach, x closing), metres\n",
+    )
+    .and_then(|()| out.write_all(text.as_bytes()))
+    .and_then(|()| out.flush())
+    .map_err(|e| GraspError::io(&file.path, e))
 }

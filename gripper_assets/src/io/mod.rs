@@ -9,6 +9,4 @@ pub mod npz;
 
 mod file;
 
-pub use file::{
-    GraspFile, GraspFormat, ObjectReference, ReadOptions, read_grasps, write_grasps,
-};
+pub use file::{GraspFile, GraspFormat, ObjectReference, ReadOptions, read_grasps, write_grasps};

@@ -23,7 +23,11 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
     let (transforms, shape) = floats(&mut npz, path, "transforms")?
         .ok_or_else(|| bad(path, "transforms", "there is no such array".into()))?;
     let [_, 4, 4] = shape[..] else {
-        return Err(bad(path, "transforms", format!("its shape is {shape:?}, not (N, 4, 4)")));
+        return Err(bad(
+            path,
+            "transforms",
+            format!("its shape is {shape:?}, not (N, 4, 4)"),
+        ));
     };
     let frame = frame_name(&mut npz, path)?;
     let frame = stated_frame(path, options, frame.as_deref())?;
@@ -33,7 +37,10 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
         poses.push(pose_of_matrix(&rows), || format!("transforms[{i}]"))?;
     }
     for (key, set) in [
-        ("score", (|g, v| g.score = Some(v)) as fn(&mut crate::Grasp, f64)),
+        (
+            "score",
+            (|g, v| g.score = Some(v)) as fn(&mut crate::Grasp, f64),
+        ),
         ("width_m", |g, v| g.width_m = Some(v)),
         ("label", |g, v| g.label = Some(v != 0.0)),
     ] {
@@ -50,7 +57,12 @@ pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, Gras
 }
 
 fn bad(path: &Path, key: &str, what: String) -> GraspError {
-    GraspError::bad(path, key, what, "see docs/formats.md for the arrays of a pose list")
+    GraspError::bad(
+        path,
+        key,
+        what,
+        "see docs/formats.md for the arrays of a pose list",
+    )
 }
 
 /// An array of any plain number type in C order, with its shape.
@@ -83,7 +95,11 @@ fn floats(
     let found = attempt!(array,
         f64 => |x| x, f32 => f64::from, bool => |x| f64::from(u8::from(x)), i64 => |x| x as f64,
         i32 => f64::from, i8 => f64::from, u8 => f64::from, u64 => |x| x as f64);
-    Err(bad(path, key, format!("its type is {found}, not a number type")))
+    Err(bad(
+        path,
+        key,
+        format!("its type is {found}, not a number type"),
+    ))
 }
 
 fn frame_name(npz: &mut Archive, path: &Path) -> Result<Option<String>, GraspError> {
@@ -96,11 +112,11 @@ fn frame_name(npz: &mut Archive, path: &Path) -> Result<Option<String>, GraspErr
         Err(array) => array,
     };
     match array.try_data::<Vec<u8>>() {
-        Ok(mut data) => Ok(data
-            .next()
-            .transpose()
-            .map_err(io)?
-            .map(|b| String::from_utf8_lossy(&b).trim_end_matches('\0').to_owned())),
+        Ok(mut data) => Ok(data.next().transpose().map_err(io)?.map(|b| {
+            String::from_utf8_lossy(&b)
+                .trim_end_matches('\0')
+                .to_owned()
+        })),
         Err(array) => Err(bad(
             path,
             "frame",
@@ -133,14 +149,21 @@ pub(super) fn write(file: &GraspFile) -> Result<(), GraspError> {
     let mut out = npz
         .array::<str>("frame", Default::default())
         .map_err(io)?
-        .dtype(npyz::DType::Plain("<U7".parse().expect("a valid type string")))
+        .dtype(npyz::DType::Plain(
+            "<U7".parse().expect("a valid type string"),
+        ))
         .shape(&[])
         .begin_nd()
         .map_err(io)?;
     out.push(name.as_str()).map_err(io)?;
     out.finish().map_err(io)?;
-    std::io::Write::flush(npz.zip_writer().finish().map_err(|e| io(e.into()))?.get_mut())
-        .map_err(io)
+    std::io::Write::flush(
+        npz.zip_writer()
+            .finish()
+            .map_err(|e| io(e.into()))?
+            .get_mut(),
+    )
+    .map_err(io)
 }
 
 fn add<T: npyz::AutoSerialize>(

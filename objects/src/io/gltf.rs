@@ -17,14 +17,21 @@ use crate::mesh::RawMesh;
 /// Broken JSON or buffers; a scene with no triangles is left to validation.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
     let bad = |what: String| {
-        ObjectError::bad(path, Place::Whole, what, "export the scene again, as GLB if in doubt")
+        ObjectError::bad(
+            path,
+            Place::Whole,
+            what,
+            "export the scene again, as GLB if in doubt",
+        )
     };
     let gltf = gltf::Gltf::from_slice(bytes).map_err(|e| bad(format!("not glTF 2.0: {e}")))?;
     let blob = gltf.blob.clone();
     let mut buffers = Vec::new();
     for buffer in gltf.buffers() {
         let data = match buffer.source() {
-            Source::Bin => blob.clone().ok_or_else(|| bad("the binary chunk is missing".into()))?,
+            Source::Bin => blob
+                .clone()
+                .ok_or_else(|| bad("the binary chunk is missing".into()))?,
             Source::Uri(uri) => match uri.split_once(";base64,") {
                 Some((head, data)) if head.starts_with("data:") => STANDARD
                     .decode(data)
@@ -81,21 +88,35 @@ fn add(
         .map(|(_, a)| a)
         .chain(primitive.indices())
     {
-        let view = accessor.view().ok_or("sparse accessors are not supported")?;
+        let view = accessor
+            .view()
+            .ok_or("sparse accessors are not supported")?;
         let stride = view.stride().unwrap_or_else(|| accessor.size());
         let end = accessor.offset()
             + stride * accessor.count().saturating_sub(1)
-            + if accessor.count() > 0 { accessor.size() } else { 0 };
-        if end > view.length() || view.offset() + view.length() > buffers[view.buffer().index()].len() {
-            return Err(format!("accessor {} runs past its buffer", accessor.index()));
+            + if accessor.count() > 0 {
+                accessor.size()
+            } else {
+                0
+            };
+        if end > view.length()
+            || view.offset() + view.length() > buffers[view.buffer().index()].len()
+        {
+            return Err(format!(
+                "accessor {} runs past its buffer",
+                accessor.index()
+            ));
         }
     }
     let reader = primitive.reader(|b| buffers.get(b.index()).map(Vec::as_slice));
     let base = raw.vertices.len() as u32;
-    let positions = reader.read_positions().ok_or("a primitive has no POSITION")?;
+    let positions = reader
+        .read_positions()
+        .ok_or("a primitive has no POSITION")?;
     for p in positions {
         let p = Point3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
-        raw.vertices.push(scene_from_mesh.transform_point(&p).into());
+        raw.vertices
+            .push(scene_from_mesh.transform_point(&p).into());
     }
     let count = raw.vertices.len() as u32 - base;
     let indices: Vec<u32> = match reader.read_indices() {

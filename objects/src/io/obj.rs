@@ -43,7 +43,12 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
 }
 
 fn bad(path: &Path, place: Place, what: String) -> ObjectError {
-    ObjectError::bad(path, place, what, "correct the line or export the mesh again")
+    ObjectError::bad(
+        path,
+        place,
+        what,
+        "correct the line or export the mesh again",
+    )
 }
 
 /// The first line that no reader could use, and why.

@@ -26,7 +26,10 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
         .filter(|(_, l)| !l.is_empty());
     let (first_line, first) = lines.next().ok_or_else(|| bad(1, "empty".into()))?;
     // Some exporters put the counts on the line of the magic word.
-    let rest = first.trim_start_matches("COFF").trim_start_matches("OFF").trim();
+    let rest = first
+        .trim_start_matches("COFF")
+        .trim_start_matches("OFF")
+        .trim();
     let (count_line, counts) = if rest.is_empty() {
         lines
             .next()
@@ -39,14 +42,20 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
         .map_while(|w| w.parse().ok())
         .collect();
     let [vertex_count, face_count, ..] = counts[..] else {
-        return Err(bad(count_line, "expected the number of vertices and faces".into()));
+        return Err(bad(
+            count_line,
+            "expected the number of vertices and faces".into(),
+        ));
     };
     let mut raw = RawMesh::default();
     let mut last = count_line;
     for i in 0..vertex_count {
-        let (line, text) = lines
-            .next()
-            .ok_or_else(|| bad(last, format!("the file ends at vertex {i} of {vertex_count}")))?;
+        let (line, text) = lines.next().ok_or_else(|| {
+            bad(
+                last,
+                format!("the file ends at vertex {i} of {vertex_count}"),
+            )
+        })?;
         last = line;
         let xyz: Vec<f64> = text
             .split_ascii_whitespace()
@@ -74,7 +83,10 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
             .ok_or_else(|| bad(line, "expected a number of corners >= 3".into()))?;
         let corners: Vec<u32> = words.take(n).map_while(|w| w.parse().ok()).collect();
         if corners.len() != n || corners.iter().any(|&c| c as usize >= vertex_count) {
-            return Err(bad(line, format!("expected {n} indices below {vertex_count}")));
+            return Err(bad(
+                line,
+                format!("expected {n} indices below {vertex_count}"),
+            ));
         }
         for k in 1..n - 1 {
             raw.faces.push([corners[0], corners[k], corners[k + 1]]);

@@ -27,9 +27,10 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<RawMesh, ObjectError> {
     for (i, vertex) in vertices.iter().enumerate() {
         let mut position = [0.0; 3];
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-            position[axis] = vertex.get(name).and_then(number).ok_or_else(|| {
-                bad(Place::Vertex(i), format!("there is no number `{name}`"))
-            })?;
+            position[axis] = vertex
+                .get(name)
+                .and_then(number)
+                .ok_or_else(|| bad(Place::Vertex(i), format!("there is no number `{name}`")))?;
         }
         raw.vertices.push(position);
     }

@@ -65,5 +65,10 @@ fn check_length(bytes: &[u8], path: &Path) -> Result<(), ObjectError> {
 }
 
 fn bad(path: &Path, place: Place, what: String) -> ObjectError {
-    ObjectError::bad(path, place, what, "the file is truncated or not STL; export it again")
+    ObjectError::bad(
+        path,
+        place,
+        what,
+        "the file is truncated or not STL; export it again",
+    )
 }

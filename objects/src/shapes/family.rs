@@ -91,7 +91,11 @@ impl Family {
     /// about 210-240 mm long, a mug 80-105 mm high, and so on.
     pub fn parameters(self) -> &'static [Range] {
         match self {
-            Self::Box => &[("depth_m", 0.022, 0.068), ("width_m", 0.05, 0.16), ("height_m", 0.06, 0.21)],
+            Self::Box => &[
+                ("depth_m", 0.022, 0.068),
+                ("width_m", 0.05, 0.16),
+                ("height_m", 0.06, 0.21),
+            ],
             Self::Can => &[("radius_m", 0.026, 0.037), ("height_m", 0.06, 0.125)],
             Self::Bottle => &[
                 ("radius_m", 0.025, 0.037),
@@ -105,8 +109,16 @@ impl Family {
                 ("wall_m", 0.0035, 0.0055),
                 ("handle_reach_m", 0.024, 0.034),
             ],
-            Self::Bowl => &[("radius_m", 0.05, 0.085), ("height_m", 0.05, 0.08), ("wall_m", 0.0035, 0.006)],
-            Self::Plate => &[("radius_m", 0.08, 0.125), ("height_m", 0.012, 0.024), ("thickness_m", 0.004, 0.006)],
+            Self::Bowl => &[
+                ("radius_m", 0.05, 0.085),
+                ("height_m", 0.05, 0.08),
+                ("wall_m", 0.0035, 0.006),
+            ],
+            Self::Plate => &[
+                ("radius_m", 0.08, 0.125),
+                ("height_m", 0.012, 0.024),
+                ("thickness_m", 0.004, 0.006),
+            ],
             Self::Knife => &[
                 ("length_m", 0.19, 0.25),
                 ("handle_width_m", 0.016, 0.022),
@@ -119,7 +131,11 @@ impl Family {
                 ("thickness_m", 0.0025, 0.004),
                 ("bowl_width_m", 0.03, 0.045),
             ],
-            Self::Screwdriver => &[("length_m", 0.15, 0.25), ("handle_radius_m", 0.011, 0.017), ("shaft_radius_m", 0.0025, 0.004)],
+            Self::Screwdriver => &[
+                ("length_m", 0.15, 0.25),
+                ("handle_radius_m", 0.011, 0.017),
+                ("shaft_radius_m", 0.0025, 0.004),
+            ],
             Self::Hammer => &[
                 ("length_m", 0.22, 0.30),
                 ("handle_width_m", 0.026, 0.034),

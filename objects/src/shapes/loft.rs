@@ -39,9 +39,15 @@ pub fn capped_with_holes(rings: &[Ring], holes: &[Hole]) -> RawMesh {
 
 /// A skin over `rings` whose last ring is joined to the first.
 pub fn closed(rings: &[Ring]) -> RawMesh {
+    let n = (rings.len() * rings[0].len()) as u32;
     let mut all = rings.to_vec();
     all.push(rings[0].clone());
-    tube(&all, &[])
+    let mut mesh = tube(&all, &[]);
+    mesh.vertices.truncate(n as usize);
+    for index in mesh.faces.iter_mut().flatten() {
+        *index %= n;
+    }
+    mesh
 }
 
 /// Four quads left out of a tube: rows `row..row + 2`, columns `column..column + 2` (mod n).
@@ -79,9 +85,7 @@ pub fn tube(rings: &[Ring], holes: &[Hole]) -> RawMesh {
     };
     for i in 0..rings.len() - 1 {
         for j in 0..n {
-            let inside = |h: &Hole| {
-                (h.row..h.row + 2).contains(&i) && (j + n - h.column) % n < 2
-            };
+            let inside = |h: &Hole| (h.row..h.row + 2).contains(&i) && (j + n - h.column) % n < 2;
             if holes.iter().any(inside) {
                 continue;
             }
@@ -111,7 +115,8 @@ pub fn ellipse(rx: f64, ry: f64, z: f64, n: usize) -> Ring {
 
 /// A horizontal rectangle with rounded corners, `4 * per_corner` points.
 pub fn rounded_rectangle(hx: f64, hy: f64, radius: f64, z: f64, per_corner: usize) -> Ring {
-    let radius = radius.min(hx).min(hy);
+    // Corners that met would leave edges without length.
+    let radius = radius.min(0.95 * hx).min(0.95 * hy);
     let mut ring = Vec::with_capacity(4 * per_corner);
     for (quarter, (sx, sy)) in [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
         .into_iter()
@@ -135,7 +140,8 @@ pub fn cuboid(size_m: Vector3<f64>) -> RawMesh {
     let ring = |z: usize| [0, 1, 3, 2].map(|k| corners[4 * z + k].into()).to_vec();
     let rings: [Ring; 2] = [ring(0), ring(1)];
     let mut mesh = tube(&rings, &[]);
-    mesh.faces.extend([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]);
+    mesh.faces
+        .extend([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]);
     mesh
 }
 

@@ -20,7 +20,12 @@ fn turned(profile: &[(f64, f64)]) -> RawMesh {
 pub fn carton(width: f64, depth: f64, height: f64) -> RawMesh {
     let e = 0.0015;
     let ring = |inset: f64, z| rounded_rectangle(width / 2.0 - inset, depth / 2.0 - inset, e, z, 3);
-    capped(&[ring(e, 0.0), ring(0.0, e), ring(0.0, height - e), ring(e, height)])
+    capped(&[
+        ring(e, 0.0),
+        ring(0.0, e),
+        ring(0.0, height - e),
+        ring(e, height),
+    ])
 }
 
 /// A full can with a chime at both ends.
@@ -39,14 +44,25 @@ pub fn can(radius: f64, height: f64) -> RawMesh {
 pub fn bottle(radius: f64, height: f64, neck_radius: f64, shoulder: f64) -> RawMesh {
     let body = height * shoulder;
     let neck = height * 0.82;
-    let mut profile = vec![(radius * 0.92, 0.0), (radius, radius * 0.1), (radius, body * 0.5)];
+    let mut profile = vec![
+        (radius * 0.92, 0.0),
+        (radius, radius * 0.1),
+        (radius, body * 0.5),
+    ];
     for k in 0..=6 {
         let s = f64::from(k) / 6.0;
         let blend = 0.5 - 0.5 * (PI * s).cos();
-        profile.push((radius + (neck_radius - radius) * blend, body + (neck - body) * s));
+        profile.push((
+            radius + (neck_radius - radius) * blend,
+            body + (neck - body) * s,
+        ));
     }
     let cap = neck_radius * 1.12;
-    profile.extend([(neck_radius, height * 0.9), (cap, height * 0.9), (cap, height)]);
+    profile.extend([
+        (neck_radius, height * 0.9),
+        (cap, height * 0.9),
+        (cap, height),
+    ]);
     turned(&profile)
 }
 
@@ -58,11 +74,19 @@ pub fn mug(radius: f64, height: f64, wall: f64, handle_reach: f64) -> RawMesh {
     let first = rings.len();
     for k in 0..=rows {
         let s = k as f64 / rows as f64;
-        rings.push(circle(radius * (0.97 + 0.03 * s), 0.004 + (height - 0.006) * s, columns));
+        rings.push(circle(
+            radius * (0.97 + 0.03 * s),
+            0.004 + (height - 0.006) * s,
+            columns,
+        ));
     }
     rings.push(circle(radius - wall / 2.0, height, columns));
     rings.push(circle(radius - wall, height - 0.002, columns));
-    rings.push(circle(radius * 0.97 - wall, wall * 1.5 + height * 0.3, columns));
+    rings.push(circle(
+        radius * 0.97 - wall,
+        wall * 1.5 + height * 0.3,
+        columns,
+    ));
     rings.push(circle(radius * 0.95 - wall, wall * 1.5 + 0.004, columns));
     rings.push(circle(radius * 0.85 - wall, wall * 1.5, columns));
     // The handle leaves and enters through two holes around the angle 0.
@@ -104,15 +128,20 @@ pub fn mug(radius: f64, height: f64, wall: f64, handle_reach: f64) -> RawMesh {
 pub fn bowl(radius: f64, height: f64, wall: f64) -> RawMesh {
     let arc = |r: f64, h: f64, z0: f64, s: f64| {
         let angle = PI / 2.0 * (0.25 + 0.75 * s);
-        (r * angle.sin(), z0 + h * (1.0 - angle.cos()) - h * (1.0 - (PI / 8.0).cos()))
+        (
+            r * angle.sin(),
+            z0 + h * (1.0 - angle.cos()) - h * (1.0 - (PI / 8.0).cos()),
+        )
     };
     let mut profile: Vec<(f64, f64)> = (0..=8)
         .map(|k| arc(radius, height, 0.0, f64::from(k) / 8.0))
         .collect();
     profile.push((radius - wall, profile[8].1));
-    profile.extend((0..8).rev().map(|k| {
-        arc(radius - wall, height - wall, wall, f64::from(k) / 8.0)
-    }));
+    profile.extend(
+        (0..8)
+            .rev()
+            .map(|k| arc(radius - wall, height - wall, wall, f64::from(k) / 8.0)),
+    );
     turned(&profile)
 }
 
@@ -151,8 +180,20 @@ pub fn spoon(length: f64, stem_width: f64, thickness: f64, bowl_width: f64) -> R
     let bowl_start = length * 0.7;
     let mut rings = vec![
         rounded_rectangle(stem_width * 0.75, thickness / 2.0, thickness * 0.4, 0.0, 4),
-        rounded_rectangle(stem_width * 0.8, thickness / 2.0, thickness * 0.4, length * 0.08, 4),
-        rounded_rectangle(stem_width * 0.45, thickness * 0.6, thickness * 0.4, bowl_start * 0.7, 4),
+        rounded_rectangle(
+            stem_width * 0.8,
+            thickness / 2.0,
+            thickness * 0.4,
+            length * 0.08,
+            4,
+        ),
+        rounded_rectangle(
+            stem_width * 0.45,
+            thickness * 0.6,
+            thickness * 0.4,
+            bowl_start * 0.7,
+            4,
+        ),
     ];
     for k in 0..=6 {
         let s = f64::from(k) / 6.0;
@@ -195,10 +236,22 @@ pub fn screwdriver(length: f64, handle_radius: f64, shaft_radius: f64) -> RawMes
 /// A hammer: an oval handle along z and a square head across it.
 pub fn hammer(length: f64, handle_width: f64, head_length: f64, head_width: f64) -> RawMesh {
     let grip = |f: f64, z: f64| {
-        rounded_rectangle(handle_width / 2.0 * f, handle_width * 0.36 * f, handle_width * 0.3, z, 4)
+        rounded_rectangle(
+            handle_width / 2.0 * f,
+            handle_width * 0.36 * f,
+            handle_width * 0.3,
+            z,
+            4,
+        )
     };
     let head = |inset: f64, z: f64| {
-        rounded_rectangle(head_length / 2.0 - inset, head_width / 2.0 - inset, 0.003, z, 4)
+        rounded_rectangle(
+            head_length / 2.0 - inset,
+            head_width / 2.0 - inset,
+            0.003,
+            z,
+            4,
+        )
     };
     let start = length - head_width;
     capped(&[
@@ -220,7 +273,7 @@ pub fn ring(radius: f64, tube_radius: f64) -> RawMesh {
             let u = TAU * i as f64 / AROUND as f64;
             (0..12)
                 .map(|j| {
-                    let v = TAU * f64::from(j) / 12.0;
+                    let v = -TAU * f64::from(j) / 12.0;
                     let r = radius + tube_radius * v.cos();
                     [r * u.cos(), r * u.sin(), tube_radius * (1.0 + v.sin())]
                 })
@@ -234,17 +287,20 @@ pub fn ring(radius: f64, tube_radius: f64) -> RawMesh {
 pub fn hat(radius: f64, height: f64, brim: f64, wall: f64) -> RawMesh {
     let dome = |r: f64, h: f64, s: f64| {
         let angle = PI / 2.0 * s;
-        (r * (0.06 + 0.94 * angle.cos().max(0.0).powf(0.6)), h * angle.sin())
+        (
+            r * (0.06 + 0.94 * angle.cos().max(0.0).powf(0.6)),
+            h * angle.sin(),
+        )
     };
     let mut profile: Vec<(f64, f64)> = (0..=8)
         .rev()
         .map(|k| dome(radius - wall, height - wall, f64::from(k) / 8.0))
         .collect();
-    profile.extend([
-        (radius + brim, 0.0),
-        (radius + brim, wall),
-        (radius, wall),
-    ]);
-    profile.extend((1..=8).map(|k| dome(radius, height, f64::from(k) / 8.0)).filter(|p| p.1 > 1.5 * wall));
+    profile.extend([(radius + brim, 0.0), (radius + brim, wall), (radius, wall)]);
+    profile.extend(
+        (1..=8)
+            .map(|k| dome(radius, height, f64::from(k) / 8.0))
+            .filter(|p| p.1 > 1.5 * wall),
+    );
     turned(&profile)
 }
