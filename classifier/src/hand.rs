@@ -30,8 +30,9 @@ pub struct HandModel {
     /// Opening, metres.
     pub opening_m: f64,
     pub(crate) region_body: Intruder,
-    /// Bodies in groups that fit the lanes; the last two lanes of the first group are the strips.
-    pub(crate) groups: Vec<(Vec<usize>, Lanes)>,
+    /// Bodies behind each lane; the last two lanes are the strips of the closing region.
+    pub(crate) members: Vec<Vec<usize>>,
+    pub(crate) lanes: Lanes,
 }
 
 /// Lanes of the strips that look for the first contact of each pad.
@@ -69,17 +70,9 @@ impl HandModel {
                 .sort_by(|(a, _), (b, _)| b.dot(&towards).total_cmp(&a.dot(&towards)));
         }
         let bodies: Vec<Intruder> = convex_bodies.into_iter().map(Intruder::new).collect();
-        let mut groups = Vec::new();
-        let indices: Vec<usize> = (0..bodies.len()).collect();
-        for chunk in indices.chunks(LANES - 2) {
-            let mut lanes = Lanes::default();
-            for (lane, &i) in chunk.iter().enumerate() {
-                lanes.set(lane, bodies[i].min, bodies[i].max);
-            }
-            groups.push((chunk.to_vec(), lanes));
-        }
+        let (members, mut lanes) = share_lanes(&bodies);
         for strip in [STRIP_LEFT, STRIP_RIGHT] {
-            groups[0].1.set(strip, region_body.min, region_body.max);
+            lanes.set(strip, region_body.min, region_body.max);
         }
         Ok(Self {
             part_names,
@@ -87,7 +80,40 @@ impl HandModel {
             region,
             opening_m,
             region_body,
-            groups,
+            members,
+            lanes,
         })
     }
+}
+
+/// Gives every body a lane; where there are more bodies than lanes, those whose common box is
+/// smallest share one.
+fn share_lanes(bodies: &[Intruder]) -> (Vec<Vec<usize>>, Lanes) {
+    let mut members: Vec<Vec<usize>> = (0..bodies.len()).map(|i| vec![i]).collect();
+    let common = |group: &[usize]| {
+        let first = &bodies[group[0]];
+        group.iter().fold((first.min, first.max), |(lo, hi), &i| {
+            (lo.inf(&bodies[i].min), hi.sup(&bodies[i].max))
+        })
+    };
+    while members.len() > STRIP_LEFT {
+        let mut best = (f32::MAX, 0, 1);
+        for i in 0..members.len() {
+            for j in i + 1..members.len() {
+                let (lo, hi) = common(&[&members[i][..], &members[j][..]].concat());
+                let volume = (hi - lo).product();
+                if volume < best.0 {
+                    best = (volume, i, j);
+                }
+            }
+        }
+        let merged = members.remove(best.2);
+        members[best.1].extend(merged);
+    }
+    let mut lanes = Lanes::default();
+    for (lane, group) in members.iter().enumerate() {
+        let (lo, hi) = common(group);
+        lanes.set(lane, lo, hi);
+    }
+    (members, lanes)
 }

@@ -9,7 +9,7 @@ use shakedown_objects::Surface;
 use shakedown_objects::penetration::{Depth, inside_m};
 
 use crate::closing::{Closing, Sweep};
-use crate::hand::{HandModel, STRIP_LEFT, STRIP_RIGHT};
+use crate::hand::{HandModel, STRIP_LEFT};
 
 /// When a flag is set; `gripper.md`-level definitions are in `docs/formats.md`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -124,20 +124,20 @@ pub fn classify(
         scratch.depths.resize(hand.bodies.len(), Depth::default());
         scratch.sweep.clear();
         let hand_from_object = object_from_hand.inverse();
-        for (members, lanes) in &hand.groups {
-            let mut lanes = *lanes;
-            surface.visit_near(&hand_from_object, &mut lanes, |lanes, _, triangle, mask| {
-                for (lane, &body) in members.iter().enumerate() {
-                    if mask >> lane & 1 == 1 {
-                        scratch.depths[body].add(&hand.bodies[body], &triangle);
-                    }
+        let mut lanes = hand.lanes;
+        surface.visit_near(&hand_from_object, &mut lanes, |lanes, _, triangle, mask| {
+            let mut occupied = mask & ((1 << STRIP_LEFT) - 1);
+            while occupied != 0 {
+                for &body in &hand.members[occupied.trailing_zeros() as usize] {
+                    scratch.depths[body].add(&hand.bodies[body], &triangle);
                 }
-                if mask >> STRIP_LEFT & 1 == 1 || mask >> STRIP_RIGHT & 1 == 1 {
-                    scratch.sweep.add(&hand.region_body, &triangle, lanes);
-                }
-                ControlFlow::Continue(())
-            });
-        }
+                occupied &= occupied - 1;
+            }
+            if mask >> STRIP_LEFT != 0 {
+                scratch.sweep.add(&hand.region_body, &triangle, lanes);
+            }
+            ControlFlow::Continue(())
+        });
         let mut penetration_m = 0.0f64;
         let mut touches = false;
         for (depth, body) in scratch.depths.iter().zip(&hand.bodies) {

@@ -61,7 +61,7 @@ impl Lanes {
                 .abs()
                 .simd_le(f32x8::from(self.half[k]) + f32x8::splat(half[k]))
         };
-        (axis(0) & axis(1) & axis(2)).to_bitmask() as u32
+        (axis(0) & axis(1) & axis(2)).to_bitmask()
     }
 }
 
@@ -381,7 +381,7 @@ fn visit_block(
             low[a].simd_le(f32x8::splat(centre + half))
                 & high[a].simd_ge(f32x8::splat(centre - half))
         };
-        near[lane] = (axis(0) & axis(1) & axis(2)).to_bitmask() as u32;
+        near[lane] = (axis(0) & axis(1) & axis(2)).to_bitmask();
         any |= near[lane];
     }
     any &= (1 << block.len) - 1;
@@ -392,9 +392,15 @@ fn visit_block(
     while any != 0 {
         let i = any.trailing_zeros() as usize;
         any &= any - 1;
-        let mask = (0..LANES).fold(0, |m, lane| m | (near[lane] >> i & 1) << lane);
+        let mut here = 0;
+        let mut left = mask;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            here |= (near[lane] >> i & 1) << lane;
+        }
         let triangle = corners.map(|c| Vector3::new(c[0][i], c[1][i], c[2][i]));
-        visit(lanes, block.faces[i] as usize, triangle, mask)?;
+        visit(lanes, block.faces[i] as usize, triangle, here)?;
     }
     ControlFlow::Continue(())
 }

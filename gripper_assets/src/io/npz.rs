@@ -16,6 +16,9 @@ use crate::grasp::pose_of_matrix;
 
 type Archive = NpzArchive<BufReader<File>>;
 
+/// Numbers in C order and their shape.
+type Array = (Vec<f64>, Vec<u64>);
+
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, GraspError> {
     let mut npz = NpzArchive::open(path).map_err(|e| {
         GraspError::bad(path, "archive", e.to_string(), "write it with numpy.savez")
@@ -70,7 +73,7 @@ fn floats(
     npz: &mut Archive,
     path: &Path,
     key: &str,
-) -> Result<Option<(Vec<f64>, Vec<u64>)>, GraspError> {
+) -> Result<Option<Array>, GraspError> {
     let io = |e: std::io::Error| bad(path, key, e.to_string());
     let Some(array) = npz.by_name(key).map_err(io)? else {
         return Ok(None);

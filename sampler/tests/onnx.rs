@@ -1,0 +1,149 @@
+//! The flow sampler on hand-made graphs: closed-form end poses, and every defect of a model is an
+//! error that names file and tensor.
+
+#![cfg(feature = "onnx")]
+
+mod fixture;
+
+use std::path::Path;
+
+use fixture::*;
+use nalgebra::Vector3;
+use shakedown_gripper_assets::Gripper;
+use shakedown_objects::shapes::Family;
+use shakedown_objects::{Normalisation, SdfGrid};
+use shakedown_sampler::{FlowModel, seed};
+
+const XI: [f32; 9] = [2.0, -0.7, -1.0, 0.7, 2.0, -0.5, 1.0, 0.5, 2.0];
+const TARGET: [f32; 3] = [0.2, -0.1, 0.4];
+const DRIFT: [f32; 3] = [0.3, 0.0, -0.6];
+
+fn good(directory: &Path, extra: &str) {
+    card(directory, 9, 20, extra);
+    save(&small_encoder(9), &directory.join("encoder.onnx"));
+    save(&spring_velocity(XI, TARGET, DRIFT), &directory.join("velocity.onnx"));
+}
+
+#[test]
+fn sampled_poses_equal_the_recurrence_and_approach_the_closed_form() {
+    let dir = tempfile::tempdir().unwrap();
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Bottle.member(0).object().unwrap();
+    let grid = SdfGrid::bake(&object.surface, 9, 0.1);
+    let (_, scale) = grid.normalised(Normalisation::MaxAbs);
+    // The skew part of XI is the body-frame angular velocity (0.5, -1.0, 0.7).
+    let omega = Vector3::new(0.5, -1.0, 0.7);
+    let (target, drift) = (
+        Vector3::from(TARGET).map(f64::from),
+        Vector3::from(DRIFT).map(f64::from),
+    );
+    for (extra, order) in [("", 1), ("integrator = 'heun'\n", 2)] {
+        good(dir.path(), extra);
+        let mut model = FlowModel::load(dir.path(), None).unwrap();
+        let mut error = |steps: usize| {
+            let grasps = model.sample(&object, &gripper, 5, 3, Some(steps)).unwrap();
+            let mut worst = 0.0f64;
+            for g in &grasps {
+                let mut rng = seed::stream(3, "flow-v1", &object.id, &gripper.name, g.index);
+                let r0 = seed::uniform_rotation(&mut rng);
+                let t0 = seed::normal_vector(&mut rng);
+                let angle = g.object_from_hand.rotation.angle_to(
+                    &(r0 * nalgebra::UnitQuaternion::new(omega)),
+                );
+                assert!(angle < 1e-5, "{angle}");
+                let end = (g.object_from_hand.translation.vector - grid.centre_m.coords) / scale;
+                if order == 1 {
+                    let dt = 1.0 / steps as f64;
+                    let recurrence = (0..steps).fold(t0, |t, k| {
+                        t + (target - t + drift * (k as f64 * dt)) * dt
+                    });
+                    assert!((end - recurrence).norm() < 1e-5);
+                }
+                // t' = a - t + s d: t(1) = a - d + s d + (t0 - a + d) e^-1 at s = 1.
+                let exact = target + (t0 - target + drift) * (-1.0f64).exp();
+                worst = worst.max((end - exact).norm());
+            }
+            worst
+        };
+        let (coarse, fine) = (error(10), error(20));
+        let ratio = coarse / fine;
+        assert!((ratio - f64::from(1 << order)).abs() < 0.4 * f64::from(order), "{ratio}");
+    }
+}
+
+#[test]
+fn the_number_of_candidates_and_the_batch_do_not_change_a_candidate() {
+    let dir = tempfile::tempdir().unwrap();
+    good(dir.path(), "");
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Can.member(0).object().unwrap();
+    let mut model = FlowModel::load(dir.path(), None).unwrap();
+    let many = model.sample(&object, &gripper, 300, 1, None).unwrap();
+    let few = model.sample(&object, &gripper, 7, 1, None).unwrap();
+    assert_eq!(many[..7], few[..]);
+}
+
+#[test]
+fn every_defect_of_a_model_names_file_and_tensor() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path();
+    let encoder = || small_encoder(9);
+    let velocity = || spring_velocity(XI, TARGET, DRIFT);
+    let check = |change: &dyn Fn(), file: &str, needle: &str| {
+        good(path, "");
+        change();
+        let e = match FlowModel::load(path, None) {
+            Ok(_) => panic!("{needle}: accepted"),
+            Err(e) => e.to_string(),
+        };
+        assert!(e.contains(file) && e.contains(needle), "{needle}: {e}");
+    };
+    let write = |m: &tract_onnx::pb::ModelProto, name: &str| save(m, &path.join(name));
+    check(&|| std::fs::remove_file(path.join("encoder.onnx")).unwrap(), "encoder.onnx", "missing");
+    check(&|| std::fs::write(path.join("velocity.onnx"), b"no onnx").unwrap(), "velocity.onnx", "ONNX");
+    check(&|| write(&small_encoder(12), "encoder.onnx"), "encoder.onnx", "`sdf`");
+    check(&|| card(path, 9, 0, ""), "model.toml", "steps");
+    check(&|| card(path, 9, 5, "colour = 1\n"), "model.toml", "colour");
+    check(&|| card(path, 9, 5, "frame = 'acronym'\n"), "model.toml", "line");
+    check(
+        &|| {
+            let mut m = encoder();
+            m.graph.as_mut().unwrap().output[0].name = "code".into();
+            m.graph.as_mut().unwrap().node[2].output[0] = "code".into();
+            write(&m, "encoder.onnx");
+        },
+        "encoder.onnx",
+        "`latent`",
+    );
+    check(
+        &|| {
+            let mut m = velocity();
+            m.graph.as_mut().unwrap().input[3] = value("time", FLOAT, &[1, 1]);
+            write(&m, "velocity.onnx");
+        },
+        "velocity.onnx",
+        "`time`",
+    );
+    check(
+        &|| {
+            let mut m = velocity();
+            m.graph.as_mut().unwrap().input.push(value("colour", FLOAT, &[-1, 1]));
+            write(&m, "velocity.onnx");
+        },
+        "velocity.onnx",
+        "`colour`",
+    );
+}
+
+#[test]
+fn a_network_that_returns_nan_is_an_error_not_a_grasp() {
+    let dir = tempfile::tempdir().unwrap();
+    good(dir.path(), "");
+    let nan = spring_velocity(XI, [f32::NAN, 0.0, 0.0], DRIFT);
+    save(&nan, &dir.path().join("velocity.onnx"));
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Can.member(0).object().unwrap();
+    let mut model = FlowModel::load(dir.path(), None).unwrap();
+    let e = model.sample(&object, &gripper, 2, 0, None).unwrap_err().to_string();
+    assert!(e.contains("velocity.onnx") && e.contains("`translation_velocity`"), "{e}");
+}
