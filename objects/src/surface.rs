@@ -83,6 +83,8 @@ pub struct Surface {
     bounds: (Point3<f64>, Point3<f64>),
     /// f32 coordinates are relative to this point, so that they keep their digits.
     origin: Point3<f64>,
+    /// Corners of each face side by side: one cache line instead of three look-ups.
+    triangles: Vec<[Point3<f64>; 3]>,
     /// Triangles in blocks, and the tree over the blocks.
     blocks: Vec<Block>,
     block_bvh: Bvh,
@@ -96,8 +98,11 @@ impl Surface {
     pub fn new(mesh: TriMesh, is_watertight: bool) -> Self {
         let (lo, hi) = mesh.bounds();
         let origin = nalgebra::center(&lo, &hi);
-        let corners: Vec<[Vector3<f32>; 3]> = (0..mesh.faces().len())
-            .map(|i| mesh.triangle(i).map(|v| (v - origin).map(|x| x as f32)))
+        let triangles: Vec<[Point3<f64>; 3]> =
+            (0..mesh.faces().len()).map(|i| mesh.triangle(i)).collect();
+        let corners: Vec<[Vector3<f32>; 3]> = triangles
+            .iter()
+            .map(|t| t.map(|v| (v - origin).map(|x| x as f32)))
             .collect();
         let boxes: Vec<Aabb> = corners
             .iter()
@@ -115,6 +120,7 @@ impl Surface {
             bvh,
             bounds: (lo, hi),
             origin,
+            triangles,
             blocks,
             block_bvh,
             face_normals,
@@ -131,6 +137,12 @@ impl Surface {
     /// Is the surface closed, so that "inside" is well defined?
     pub fn is_watertight(&self) -> bool {
         self.is_watertight
+    }
+
+    /// The corners of a face, object frame, metres.
+    #[inline]
+    pub fn triangle(&self, face: u32) -> &[Point3<f64>; 3] {
+        &self.triangles[face as usize]
     }
 
     /// Outward unit normal of a face, object frame.
@@ -198,7 +210,7 @@ impl Surface {
                     (d.length() - SLACK_M).max(0.0)
                 },
                 |face, _| {
-                    let (q, feature) = closest_point(point, &self.mesh.triangle(face as usize));
+                    let (q, feature) = closest_point(point, self.triangle(face));
                     let distance_m = (q - point).norm() as f32;
                     Some(Nearest {
                         q,
@@ -274,7 +286,7 @@ impl Surface {
                 return TraversalAction::Prune;
             }
             if let Some(face) = node.leaf_data() {
-                let t = cast_ray(origin, direction, &self.mesh.triangle(face as usize));
+                let t = cast_ray(origin, direction, self.triangle(face));
                 hits.extend(t.map(|t| (t, face as usize)));
             }
             TraversalAction::Continue

@@ -12,8 +12,14 @@ use shakedown_sampler::FlowModel;
 fn flow(c: &mut Criterion) {
     let dir = tempfile::tempdir().expect("a directory");
     fixture::card(dir.path(), 32, 20, "");
-    fixture::save(&fixture::measured_encoder(), &dir.path().join("encoder.onnx"));
-    fixture::save(&fixture::measured_velocity(), &dir.path().join("velocity.onnx"));
+    fixture::save(
+        &fixture::measured_encoder(),
+        &dir.path().join("encoder.onnx"),
+    );
+    fixture::save(
+        &fixture::measured_velocity(),
+        &dir.path().join("velocity.onnx"),
+    );
     let gripper = Gripper::load("franka_panda").expect("built in");
     let object = Family::Mug.member(0).object().expect("built in");
     let mut model = FlowModel::load(dir.path(), None).expect("a good model");

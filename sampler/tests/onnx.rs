@@ -21,7 +21,10 @@ const DRIFT: [f32; 3] = [0.3, 0.0, -0.6];
 fn good(directory: &Path, extra: &str) {
     card(directory, 9, 20, extra);
     save(&small_encoder(9), &directory.join("encoder.onnx"));
-    save(&spring_velocity(XI, TARGET, DRIFT), &directory.join("velocity.onnx"));
+    save(
+        &spring_velocity(XI, TARGET, DRIFT),
+        &directory.join("velocity.onnx"),
+    );
 }
 
 #[test]
@@ -47,16 +50,16 @@ fn sampled_poses_equal_the_recurrence_and_approach_the_closed_form() {
                 let mut rng = seed::stream(3, "flow-v1", &object.id, &gripper.name, g.index);
                 let r0 = seed::uniform_rotation(&mut rng);
                 let t0 = seed::normal_vector(&mut rng);
-                let angle = g.object_from_hand.rotation.angle_to(
-                    &(r0 * nalgebra::UnitQuaternion::new(omega)),
-                );
+                let angle = g
+                    .object_from_hand
+                    .rotation
+                    .angle_to(&(r0 * nalgebra::UnitQuaternion::new(omega)));
                 assert!(angle < 1e-5, "{angle}");
                 let end = (g.object_from_hand.translation.vector - grid.centre_m.coords) / scale;
                 if order == 1 {
                     let dt = 1.0 / steps as f64;
-                    let recurrence = (0..steps).fold(t0, |t, k| {
-                        t + (target - t + drift * (k as f64 * dt)) * dt
-                    });
+                    let recurrence =
+                        (0..steps).fold(t0, |t, k| t + (target - t + drift * (k as f64 * dt)) * dt);
                     assert!((end - recurrence).norm() < 1e-5);
                 }
                 // t' = a - t + s d: t(1) = a - d + s d + (t0 - a + d) e^-1 at s = 1.
@@ -67,7 +70,10 @@ fn sampled_poses_equal_the_recurrence_and_approach_the_closed_form() {
         };
         let (coarse, fine) = (error(10), error(20));
         let ratio = coarse / fine;
-        assert!((ratio - f64::from(1 << order)).abs() < 0.4 * f64::from(order), "{ratio}");
+        assert!(
+            (ratio - f64::from(1 << order)).abs() < 0.4 * f64::from(order),
+            "{ratio}"
+        );
     }
 }
 
@@ -99,12 +105,28 @@ fn every_defect_of_a_model_names_file_and_tensor() {
         assert!(e.contains(file) && e.contains(needle), "{needle}: {e}");
     };
     let write = |m: &tract_onnx::pb::ModelProto, name: &str| save(m, &path.join(name));
-    check(&|| std::fs::remove_file(path.join("encoder.onnx")).unwrap(), "encoder.onnx", "missing");
-    check(&|| std::fs::write(path.join("velocity.onnx"), b"no onnx").unwrap(), "velocity.onnx", "ONNX");
-    check(&|| write(&small_encoder(12), "encoder.onnx"), "encoder.onnx", "`sdf`");
+    check(
+        &|| std::fs::remove_file(path.join("encoder.onnx")).unwrap(),
+        "encoder.onnx",
+        "missing",
+    );
+    check(
+        &|| std::fs::write(path.join("velocity.onnx"), b"no onnx").unwrap(),
+        "velocity.onnx",
+        "ONNX",
+    );
+    check(
+        &|| write(&small_encoder(12), "encoder.onnx"),
+        "encoder.onnx",
+        "`sdf`",
+    );
     check(&|| card(path, 9, 0, ""), "model.toml", "steps");
     check(&|| card(path, 9, 5, "colour = 1\n"), "model.toml", "colour");
-    check(&|| card(path, 9, 5, "frame = 'acronym'\n"), "model.toml", "line");
+    check(
+        &|| card(path, 9, 5, "frame = 'acronym'\n"),
+        "model.toml",
+        "line",
+    );
     check(
         &|| {
             let mut m = encoder();
@@ -127,7 +149,11 @@ fn every_defect_of_a_model_names_file_and_tensor() {
     check(
         &|| {
             let mut m = velocity();
-            m.graph.as_mut().unwrap().input.push(value("colour", FLOAT, &[-1, 1]));
+            m.graph
+                .as_mut()
+                .unwrap()
+                .input
+                .push(value("colour", FLOAT, &[-1, 1]));
             write(&m, "velocity.onnx");
         },
         "velocity.onnx",
@@ -144,6 +170,12 @@ fn a_network_that_returns_nan_is_an_error_not_a_grasp() {
     let gripper = Gripper::load("franka_panda").unwrap();
     let object = Family::Can.member(0).object().unwrap();
     let mut model = FlowModel::load(dir.path(), None).unwrap();
-    let e = model.sample(&object, &gripper, 2, 0, None).unwrap_err().to_string();
-    assert!(e.contains("velocity.onnx") && e.contains("`translation_velocity`"), "{e}");
+    let e = model
+        .sample(&object, &gripper, 2, 0, None)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        e.contains("velocity.onnx") && e.contains("`translation_velocity`"),
+        "{e}"
+    );
 }

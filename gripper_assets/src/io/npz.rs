@@ -69,11 +69,7 @@ fn bad(path: &Path, key: &str, what: String) -> GraspError {
 }
 
 /// An array of any plain number type in C order, with its shape.
-fn floats(
-    npz: &mut Archive,
-    path: &Path,
-    key: &str,
-) -> Result<Option<Array>, GraspError> {
+fn floats(npz: &mut Archive, path: &Path, key: &str) -> Result<Option<Array>, GraspError> {
     let io = |e: std::io::Error| bad(path, key, e.to_string());
     let Some(array) = npz.by_name(key).map_err(io)? else {
         return Ok(None);
