@@ -24,7 +24,7 @@ mod tests {
 
     #[test]
     fn the_estimate_is_the_mean_over_all_subsets() {
-        let (n, c) = (9u32, 3);
+        let (n, c) = (9u32, 3u32);
         for k in 1..=9u32 {
             let (mut hits, mut subsets) = (0u32, 0u32);
             for bits in 0u32..1 << n {

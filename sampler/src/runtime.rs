@@ -1,7 +1,7 @@
 //! Which engine runs the graphs? A real ONNX Runtime library if one is found, else tract.
 
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
 use ort::environment::Environment;
 
@@ -27,6 +27,11 @@ static RUNTIME: OnceLock<(Runtime, Environment)> = OnceLock::new();
 /// # Errors
 /// A `path` that was asked for but cannot be used.
 pub fn runtime(path: Option<&Path>) -> Result<&'static (Runtime, Environment), String> {
+    // One thread decides; the others wait, as engines do not like to be started twice.
+    static DECIDING: Mutex<()> = Mutex::new(());
+    let _deciding = DECIDING
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner);
     if let Some(found) = RUNTIME.get() {
         return Ok(found);
     }

@@ -34,9 +34,13 @@ pub(crate) fn from_pose(p: &Pose) -> Isometry3<f64> {
     )
 }
 
-/// Mass properties about the body origin = centre of mass. Principal axes are found in f64: a
+/// Mass properties about `com`, in the body frame. Principal axes are found in f64: a
 /// tensor of 1e-6 kg m2 has no digits to lose in f32.
-pub(crate) fn mass_properties(mass_kg: f64, inertia_kg_m2: &Matrix3<f64>) -> MassProperties {
+pub(crate) fn mass_properties(
+    com: &Point3<f64>,
+    mass_kg: f64,
+    inertia_kg_m2: &Matrix3<f64>,
+) -> MassProperties {
     let symmetric = (inertia_kg_m2 + inertia_kg_m2.transpose()) / 2.0;
     let mut eigen = symmetric.symmetric_eigen();
     if eigen.eigenvectors.determinant() < 0.0 {
@@ -48,7 +52,7 @@ pub(crate) fn mass_properties(mass_kg: f64, inertia_kg_m2: &Matrix3<f64>) -> Mas
     let moments = eigen.eigenvalues.map(|x| x.max(floor));
     let axes = nalgebra::Rotation3::from_matrix_unchecked(eigen.eigenvectors);
     MassProperties::with_principal_inertia_frame(
-        Vector::ZERO,
+        point(com),
         mass_kg as f32,
         vector(&moments),
         rotation(&UnitQuaternion::from_rotation_matrix(&axes)),

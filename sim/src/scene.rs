@@ -47,6 +47,8 @@ pub struct Scene {
     /// Parts that the fingers meet: pieces, or triangles of the surface.
     pub contact_parts: usize,
     pub(crate) opening_max_m: f64,
+    /// Middle of the pad's face in the finger frame.
+    pub(crate) pad_centre_m: Point3<f64>,
     pub(crate) com_m: Point3<f64>,
     pub(crate) object_mass: MassProperties,
     /// What the fingers meet.
@@ -112,8 +114,13 @@ impl Scene {
             mass_kg: mass.mass_kg,
             contact_parts,
             opening_max_m,
+            pad_centre_m: Point3::new(0.0, 0.0, (gripper.pad.z_min_m + gripper.pad.z_max_m) / 2.0),
             com_m,
-            object_mass: convert::mass_properties(mass.mass_kg, &mass.inertia_kg_m2),
+            object_mass: convert::mass_properties(
+                &Point3::origin(),
+                mass.mass_kg,
+                &mass.inertia_kg_m2,
+            ),
             object_shape,
             object_pieces,
             palm_shapes: shapes(&gripper.palm)?,

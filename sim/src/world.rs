@@ -17,6 +17,9 @@ const FINGER: Group = Group::GROUP_2;
 const OBJECT_FOR_PALM: Group = Group::GROUP_3;
 const OBJECT_FOR_FINGERS: Group = Group::GROUP_4;
 
+/// Radius of gyration of a simulated finger, metres.
+const FINGER_GYRATION_M: f64 = 0.1;
+
 /// The changing state of one trial.
 pub(crate) struct World {
     physics: PhysicsWorld,
@@ -63,11 +66,18 @@ impl World {
             };
             let shift = Vector::new(side.sign() as f32 * half_opening, 0.0, 0.0);
             let mass = solver.finger_mass_kg;
-            // A finger only slides, so its inertia matters to the solver alone.
-            let inertia = nalgebra::Matrix3::from_diagonal_element(mass * 1.0e-3);
+            // A finger only slides. With its mass behind the pad and a large moment of inertia the
+            // contact sees that mass alone, and the slider has no torque to balance: with the mass
+            // at the palm, 0.1 m away, grip force and friction chatter.
+            let inertia =
+                nalgebra::Matrix3::from_diagonal_element(mass * FINGER_GYRATION_M.powi(2));
             let body = RigidBodyBuilder::dynamic()
                 .pose(Pose::from_parts(shift, turn))
-                .additional_mass_properties(convert::mass_properties(mass, &inertia))
+                .additional_mass_properties(convert::mass_properties(
+                    &scene.pad_centre_m,
+                    mass,
+                    &inertia,
+                ))
                 .can_sleep(false);
             fingers[i] = physics.insert_body(body);
             for (pose, shape) in &scene.finger_shapes {
