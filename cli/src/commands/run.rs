@@ -43,10 +43,15 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
     if args.dry_run {
         return job.dry_run(&plan, &manifest);
     }
+    // The first object is made before anything is written: a misspelt file leaves no directory.
+    let first = match plan.items.first().map(|item| job.prepare(item)) {
+        Some(Err(e)) if !args.object.keep_going => return Err(e),
+        first => first,
+    };
     let out = args.out.clone().unwrap_or_else(|| default_out(&manifest));
     let mut store = Store::create(&out, manifest.clone())?;
     let cost = Mutex::new(Cost::default());
-    let objects = job.execute(&plan, &mut store, &cost, &mut unreadable)?;
+    let objects = job.execute(&plan, first, &mut store, &cost, &mut unreadable)?;
     let cost = *cost.lock().expect("all workers are done");
     if objects.iter().all(|(_, rows)| rows.is_empty()) {
         return Err(Failure::nothing(
@@ -209,6 +214,7 @@ impl Job<'_> {
     fn execute(
         &self,
         plan: &Plan,
+        first: Option<Result<Prepared, Failure>>,
         store: &mut Store,
         cost: &Mutex<Cost>,
         unreadable: &mut Vec<Failure>,
@@ -220,7 +226,7 @@ impl Job<'_> {
         };
         let bar = progress::bar(self.global, plan.items.iter().map(per_object).sum());
         let mut results = Vec::new();
-        let mut next = plan.items.first().map(|item| self.prepare(item));
+        let mut next = first;
         for (i, item) in plan.items.iter().enumerate() {
             let following = plan.items.get(i + 1);
             let prepared = match next.take().expect("one is prepared ahead") {
