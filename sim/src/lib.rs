@@ -4,6 +4,7 @@
 //! builds a fresh world in the hand's frame, closes the fingers, shakes, and ends in an
 //! [`Outcome`]. Nothing is shared between trials, so their order and thread do not matter.
 
+mod approach;
 pub mod contact;
 mod convert;
 pub mod hand;

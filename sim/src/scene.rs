@@ -59,7 +59,9 @@ pub struct Scene {
     /// its internal edges against a convex shape, but not against a compound.
     pub(crate) palm_shapes: Vec<(Pose, SharedShape)>,
     pub(crate) finger_shapes: Vec<(Pose, SharedShape)>,
+    /// All parts of the open hand, hand frame; `finger_parts` are those of left and right.
     pub(crate) hand: Vec<Intruder>,
+    pub(crate) finger_parts: [Vec<usize>; 2],
     pub(crate) surface: Surface,
 }
 
@@ -125,6 +127,10 @@ impl Scene {
             object_pieces,
             palm_shapes: shapes(&gripper.palm)?,
             finger_shapes: shapes(&gripper.finger)?,
+            finger_parts: [0, 1].map(|side| {
+                let first = gripper.palm.len() + side * gripper.finger.len();
+                (first..first + gripper.finger.len()).collect()
+            }),
             hand,
             surface: object.surface.clone(),
             protocol: protocol.clone(),
@@ -170,8 +176,13 @@ fn pieces_shape(
     protocol: &Protocol,
     cache: Option<&Path>,
 ) -> Result<(SharedShape, usize), SceneError> {
+    // For the palm alone, where nothing is gripped, a coarse cut is enough.
+    let finest = match protocol.solver.object_contact {
+        ObjectContact::Pieces => u32::MAX,
+        ObjectContact::Surface => 32,
+    };
     let settings = PieceSettings {
-        resolution: protocol.solver.piece_resolution,
+        resolution: protocol.solver.piece_resolution.min(finest),
         concavity: protocol.solver.piece_concavity,
         max_pieces: protocol.solver.piece_max,
     };

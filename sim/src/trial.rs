@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use shakedown_objects::penetration::penetration_m;
 
+use crate::approach::start_opening_m;
 use crate::outcome::{Label, Outcome, Stage};
 use crate::scene::Scene;
 use crate::shake::Shake;
@@ -38,7 +39,11 @@ impl<'a> Trial<'a> {
         Self {
             scene,
             object_from_hand: *object_from_hand,
-            world: World::new(scene, object_from_hand),
+            world: World::new(
+                scene,
+                object_from_hand,
+                start_opening_m(scene, object_from_hand),
+            ),
             outcome: Outcome {
                 label: Label::Held,
                 stage: Stage::Start,

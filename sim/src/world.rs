@@ -32,8 +32,8 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// Hand open at the origin, object where the grasp puts it.
-    pub(crate) fn new(scene: &Scene, object_from_hand: &Isometry3<f64>) -> Self {
+    /// Hand at the origin, fingers on their way at `opening_m`, object where the grasp puts it.
+    pub(crate) fn new(scene: &Scene, object_from_hand: &Isometry3<f64>, opening_m: f64) -> Self {
         let mut physics = PhysicsWorld {
             gravity: Vector::ZERO,
             integration_parameters: parameters(scene),
@@ -64,7 +64,9 @@ impl World {
                 Side::Left => Rotation::IDENTITY,
                 Side::Right => Rotation::from_xyzw(0.0, 0.0, 1.0, 0.0),
             };
-            let shift = Vector::new(side.sign() as f32 * half_opening, 0.0, 0.0);
+            let outwards = side.sign() as f32;
+            let shift = Vector::new(outwards * (opening_m / 2.0) as f32, 0.0, 0.0);
+            let speed = scene.protocol.closing_speed_m_s as f32;
             let mass = solver.finger_mass_kg;
             // A finger only slides. With its mass behind the pad and a large moment of inertia the
             // contact sees that mass alone, and the slider has no torque to balance: with the mass
@@ -73,6 +75,7 @@ impl World {
                 nalgebra::Matrix3::from_diagonal_element(mass * FINGER_GYRATION_M.powi(2));
             let body = RigidBodyBuilder::dynamic()
                 .pose(Pose::from_parts(shift, turn))
+                .linvel(Vector::new(-outwards * speed, 0.0, 0.0))
                 .additional_mass_properties(convert::mass_properties(
                     &scene.pad_centre_m,
                     mass,
