@@ -11,7 +11,7 @@ use shakedown_objects::penetration::{Depth, inside_m};
 use crate::closing::{Closing, Sweep};
 use crate::hand::{HandModel, STRIP_LEFT};
 
-/// When a flag is set; `gripper.md`-level definitions are in `docs/formats.md`.
+/// When a flag is set; `docs/formats.md` defines the flags.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thresholds {

@@ -1,4 +1,4 @@
-//! Laws of physics and invariances of a trial. The full page of laws is `docs/validation.md`.
+//! Laws of physics and invariances of a trial.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use shakedown_gripper_assets::{Grasp, Gripper};
