@@ -149,15 +149,14 @@ impl Job<'_> {
         .filter(|(on, _)| *on)
         .map(|(_, name)| name)
         .collect();
-        let json = |v: &dyn erased::Plain| v.json();
         Ok(Manifest {
             contract: 1,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             engine: shakedown_sim::ENGINE.to_owned(),
             run_id: String::new(),
             protocol: constants.into(),
-            classifier: json(&self.settings.thresholds),
-            gripper: json(&self.settings.gripper),
+            classifier: serde_json::json!(self.settings.thresholds),
+            gripper: serde_json::json!(self.settings.gripper),
             grasps: self.source.describe(&self.args.source),
             selection: serde_json::json!({
                 "limit": self.args.limit,
@@ -313,17 +312,4 @@ impl Job<'_> {
 fn default_out(manifest: &Manifest) -> PathBuf {
     let protocol = manifest.protocol["name"].as_str().unwrap_or("run");
     PathBuf::from("runs").join(format!("{protocol}-{}", &manifest.run_id[..8]))
-}
-
-mod erased {
-    /// Anything serde can write, as a JSON value.
-    pub trait Plain {
-        fn json(&self) -> serde_json::Value;
-    }
-
-    impl<T: serde::Serialize> Plain for T {
-        fn json(&self) -> serde_json::Value {
-            serde_json::to_value(self).expect("settings are plain data")
-        }
-    }
 }
