@@ -50,6 +50,19 @@ pub enum ObjectMass {
     Density,
 }
 
+/// Where the grip force comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GripForceRule {
+    /// The same for all objects.
+    Fixed,
+    /// In proportion to the object's mass, between the least and the largest force.
+    PerMass,
+    /// A multiple of the least force that carries the load by friction, m (g + a) / (2 mu) with the
+    /// peak acceleration a of the linear shake, between the least and the largest force.
+    Coulomb,
+}
+
 /// What the fingers touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -80,10 +93,24 @@ pub struct Protocol {
     pub dt_s: f64,
     /// Friction coefficient of the pair of hand and object; a value of the object wins over it.
     pub friction: f64,
+    /// Friction while the fingers close, as a multiple of `friction`.
+    pub closing_friction_scale: f64,
     /// Torsional friction as a lever arm, m. Only 0 is supported by this version.
     pub friction_torsional_m: f64,
-    /// Grip force per finger, N.
+    /// Where the grip force comes from.
+    pub grip_force_rule: GripForceRule,
+    /// How far the hand stands back along the approach direction, m, seen from the grasp's pose.
+    pub standoff_m: f64,
+    /// Grip force per finger under the rule `fixed`, N.
     pub grip_force_n: f64,
+    /// Grip force per finger and kilogram of the object under the rule `per_mass`, N/kg.
+    pub grip_force_per_kg_n: f64,
+    /// Multiple of the least force that friction needs, under the rule `coulomb`.
+    pub grip_force_safety: f64,
+    /// Least force under the rules `per_mass` and `coulomb`, N.
+    pub grip_force_min_n: f64,
+    /// Largest force under the rules `per_mass` and `coulomb`, N.
+    pub grip_force_max_n: f64,
     /// Speed of each finger while closing, m/s.
     pub closing_speed_m_s: f64,
     /// Longest time of closing, s; it ends sooner when both fingers touch and rest.
@@ -245,6 +272,10 @@ impl Protocol {
             ("object_density_kg_m3", self.object_density_kg_m3),
             ("dt_s", self.dt_s),
             ("grip_force_n", self.grip_force_n),
+            ("grip_force_per_kg_n", self.grip_force_per_kg_n),
+            ("grip_force_safety", self.grip_force_safety),
+            ("grip_force_min_n", self.grip_force_min_n),
+            ("grip_force_max_n", self.grip_force_max_n),
             ("closing_speed_m_s", self.closing_speed_m_s),
             ("closing_time_s", self.closing_time_s),
             ("shake_linear_hz", self.shake_linear_hz),
@@ -266,6 +297,8 @@ impl Protocol {
         }
         let not_negative = [
             ("friction", self.friction),
+            ("closing_friction_scale", self.closing_friction_scale),
+            ("standoff_m", self.standoff_m),
             ("object_damping_1_s", self.object_damping_1_s),
             ("gravity_m_s2", self.gravity_m_s2),
             ("shake_linear_m", self.shake_linear_m),
@@ -300,6 +333,20 @@ impl Protocol {
             );
         }
         Ok(())
+    }
+
+    /// Force of each finger on an object of this mass, N.
+    pub fn grip_force_on(&self, mass_kg: f64, friction: f64) -> f64 {
+        let clamped = |force: f64| force.clamp(self.grip_force_min_n, self.grip_force_max_n);
+        match self.grip_force_rule {
+            GripForceRule::Fixed => self.grip_force_n,
+            GripForceRule::PerMass => clamped(self.grip_force_per_kg_n * mass_kg),
+            GripForceRule::Coulomb => {
+                let omega = std::f64::consts::TAU * self.shake_linear_hz;
+                let peak = self.gravity_m_s2 + self.shake_linear_m * omega * omega;
+                clamped(self.grip_force_safety * mass_kg * peak / (2.0 * friction))
+            }
+        }
     }
 
     /// All constants by their `--set` names, in a fixed order, as TOML values.

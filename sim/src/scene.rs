@@ -44,6 +44,8 @@ pub struct Scene {
     pub friction: f64,
     /// Mass of the object in the trial, kg.
     pub mass_kg: f64,
+    /// Force of each finger, N.
+    pub grip_force_n: f64,
     /// Parts that the fingers meet: pieces, or triangles of the surface.
     pub contact_parts: usize,
     pub(crate) opening_max_m: f64,
@@ -111,8 +113,10 @@ impl Scene {
             };
             parts.iter().map(shape).collect::<Result<Vec<_>, _>>()
         };
+        let friction = friction.or(object.friction).unwrap_or(protocol.friction);
         Ok(Self {
-            friction: friction.or(object.friction).unwrap_or(protocol.friction),
+            friction,
+            grip_force_n: protocol.grip_force_on(mass.mass_kg, friction),
             mass_kg: mass.mass_kg,
             contact_parts,
             opening_max_m,

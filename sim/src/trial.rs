@@ -36,6 +36,8 @@ struct Trial<'a> {
 
 impl<'a> Trial<'a> {
     fn new(scene: &'a Scene, object_from_hand: &Isometry3<f64>, traced: bool) -> Self {
+        let standoff = Translation3::new(0.0, 0.0, -scene.protocol.standoff_m);
+        let object_from_hand = &(object_from_hand * standoff);
         Self {
             scene,
             object_from_hand: *object_from_hand,
@@ -153,7 +155,7 @@ impl<'a> Trial<'a> {
         let down = self
             .object_from_hand
             .inverse_transform_vector(&Vector3::new(0.0, 0.0, -1.0));
-        self.world.release(&(down * p.gravity_m_s2));
+        self.world.release(&(down * p.gravity_m_s2), self.scene.friction);
         self.last_touch_s = self.outcome.sim_s;
         let linear = Shake {
             amplitude: p.shake_linear_m,

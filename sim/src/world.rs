@@ -39,7 +39,7 @@ impl World {
             integration_parameters: parameters(scene),
             ..PhysicsWorld::default()
         };
-        let friction = scene.friction as f32;
+        let friction = (scene.friction * scene.protocol.closing_friction_scale) as f32;
         let meets =
             |own: Group, other: Group| InteractionGroups::new(own, other, InteractionTestMode::And);
         let surface = |shape: &SharedShape, groups: InteractionGroups| {
@@ -126,14 +126,17 @@ impl World {
     /// Limits the closing speed by damping of the fingers; infinite speed: no damping at all.
     pub(crate) fn limit_speed(&mut self, scene: &Scene, speed_m_s: f64) {
         let p = &scene.protocol;
-        let damping = p.grip_force_n / (p.solver.finger_mass_kg * speed_m_s);
+        let damping = scene.grip_force_n / (p.solver.finger_mass_kg * speed_m_s);
         for finger in self.fingers {
             self.physics.bodies[finger].set_linear_damping(damping as f32);
         }
     }
 
     /// Ends the closing: no damping of the object any more, gravity as the protocol has it.
-    pub(crate) fn release(&mut self, gravity_m_s2: &Vector3<f64>) {
+    pub(crate) fn release(&mut self, gravity_m_s2: &Vector3<f64>, friction: f64) {
+        for (_, collider) in self.physics.colliders.iter_mut() {
+            collider.set_friction(friction as f32);
+        }
         let object = &mut self.physics.bodies[self.object];
         object.set_linear_damping(0.0);
         object.set_angular_damping(0.0);
@@ -151,7 +154,7 @@ impl World {
             &mut self.physics,
             self.palm,
             self.fingers,
-            p.grip_force_n,
+            scene.grip_force_n,
             p.solver.finger_mass_kg,
             p.solver.coupling_hz,
         );
