@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
 
 use crate::convert;
+use crate::protocol::Solver;
 
 /// State of the fingers seen from the palm: distance of each pad from the axis, and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,27 +49,37 @@ pub(crate) fn read(
     state
 }
 
-/// Sets the forces of the next step: `force_n` inwards on each finger, plus the coupling.
+/// What the fingers are told to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Drive {
+    /// Force of each finger inwards, N.
+    pub force_n: f64,
+    /// Positions of the pads that a spring holds, and its stiffness and damping.
+    pub hold: Option<([f64; 2], f64, f64)>,
+}
+
+/// Sets the forces of the next step: inwards on each finger, plus the coupling.
 pub(crate) fn press(
     world: &mut PhysicsWorld,
     palm: RigidBodyHandle,
     fingers: [RigidBodyHandle; 2],
-    force_n: f64,
-    finger_mass_kg: f64,
-    coupling_hz: f64,
-) -> FingerState {
+    drive: &Drive,
+    solver: &Solver,
+) {
     let state = read(world, palm, fingers);
     let closing_axis = convert::from_pose(world.bodies[palm].position()).rotation * Vector3::x();
     // Common mode: how far the pair has wandered along the closing axis, and how fast.
     let shift = (state.position_m[0] - state.position_m[1]) / 2.0;
     let rate = (state.speed_m_s[0] - state.speed_m_s[1]) / 2.0;
-    let omega = std::f64::consts::TAU * coupling_hz;
-    let restoring = -finger_mass_kg * (omega * omega * shift + 2.0 * omega * rate);
+    let omega = std::f64::consts::TAU * solver.coupling_hz;
+    let restoring = -solver.finger_mass_kg * (omega * omega * shift + 2.0 * omega * rate);
     for (i, sign) in [1.0, -1.0].into_iter().enumerate() {
-        let along = restoring - sign * force_n;
+        let spring = drive.hold.map_or(0.0, |(rest_m, stiffness, damping)| {
+            stiffness * (rest_m[i] - state.position_m[i]) - damping * state.speed_m_s[i]
+        });
+        let along = restoring - sign * (drive.force_n - spring);
         let body = &mut world.bodies[fingers[i]];
         body.reset_forces(true);
         body.add_force(convert::vector(&(closing_axis * along)), true);
     }
-    state
 }

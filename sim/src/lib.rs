@@ -8,18 +8,23 @@ mod approach;
 pub mod contact;
 mod convert;
 pub mod hand;
+mod load;
+
 pub mod outcome;
+pub mod probe;
 pub mod protocol;
 pub mod scene;
 pub mod shake;
+mod torsion;
 pub mod trace;
 pub mod trial;
-pub mod world;
+mod world;
 
 pub use outcome::{Label, Outcome, Stage};
 pub use protocol::{Protocol, ProtocolError};
 pub use scene::{Scene, SceneError};
 pub use trace::{Frame, Trace};
+pub use world::ObjectLoad;
 pub use trial::{run_trial, run_trial_traced};
 
 /// Version of the physics engine, part of every manifest.

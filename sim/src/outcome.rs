@@ -52,10 +52,20 @@ pub enum Stage {
     Start,
     /// The fingers close.
     Closing,
+    /// The force grows to the grip force.
+    Squeeze,
+    /// Rest before the load.
+    Settle,
     /// Shake along the approach direction.
     ShakeLinear,
     /// Shake about the closing axis.
     ShakeAngular,
+    /// A pull at the object.
+    Tug,
+    /// The hand goes up.
+    Lift,
+    /// Harder and harder shakes.
+    Hardness,
     /// Rest before the verdict.
     Hold,
 }
@@ -80,6 +90,8 @@ pub struct Outcome {
     pub width_m: Option<f64>,
     /// Mean of both fingers' contact forces on the object at the end of closing, N.
     pub grip_force_n: Option<f64>,
+    /// Under `hardness`: the largest peak acceleration survived, in multiples of 9.81 m/s2.
+    pub margin_g: Option<f64>,
     /// Simulated time, s.
     pub sim_s: f64,
     /// Steps taken.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Point3, Translation3};
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use rapier3d::math::Pose;
 use rapier3d::prelude::{MassProperties, SharedShape, TriMeshFlags};
 use shakedown_gripper_assets::{Gripper, Part};
@@ -53,6 +53,8 @@ pub struct Scene {
     pub(crate) pad_centre_m: Point3<f64>,
     pub(crate) com_m: Point3<f64>,
     pub(crate) object_mass: MassProperties,
+    /// About the centre of mass, object axes.
+    pub(crate) object_inertia_kg_m2: Matrix3<f64>,
     /// What the fingers meet.
     pub(crate) object_shape: SharedShape,
     /// What the palm meets: always convex pieces, as nothing is gripped there.
@@ -80,12 +82,14 @@ impl Scene {
         friction: Option<f64>,
         cache: Option<&Path>,
     ) -> Result<Self, SceneError> {
-        let own = object.has_own_mass && protocol.object_mass == ObjectMass::Object;
-        let mass = if own {
-            object.mass.clone()
-        } else {
-            object.mass.with_density(protocol.object_density_kg_m3)
+        let mass = match protocol.object_mass {
+            ObjectMass::Object if object.has_own_mass => object.mass.clone(),
+            ObjectMass::Object | ObjectMass::Density => {
+                object.mass.with_density(protocol.object_density_kg_m3)
+            }
+            ObjectMass::Fixed => object.mass.with_mass(protocol.object_mass_kg),
         };
+        let mass = mass.with_mass(mass.mass_kg.max(protocol.object_mass_min_kg));
         let com_m = mass.com_m;
         let (object_pieces, pieces) = pieces_shape(object, &com_m, protocol, cache)?;
         let (object_shape, contact_parts) = match protocol.solver.object_contact {
@@ -104,9 +108,11 @@ impl Scene {
             .iter()
             .map(|(name, corners)| hull(name, corners).map(Intruder::new))
             .collect::<Result<Vec<_>, _>>()?;
-        let shapes = |parts: &[Part]| {
+        let top_m = |part: &Part| part.corners().iter().map(|c| c.z).fold(f64::MIN, f64::max);
+        let tip_m = gripper.finger.iter().map(top_m).fold(f64::MIN, f64::max);
+        let shapes = |parts: &[Part], edge_m: f64| {
             let shape = |part: &Part| {
-                part_shape(part).ok_or_else(|| SceneError::FlatPart {
+                part_shape(part, edge_m, top_m(part) > tip_m - 1e-6).ok_or_else(|| SceneError::FlatPart {
                     gripper: gripper.name.clone(),
                     part: part.name.clone(),
                 })
@@ -127,10 +133,11 @@ impl Scene {
                 mass.mass_kg,
                 &mass.inertia_kg_m2,
             ),
+            object_inertia_kg_m2: mass.inertia_kg_m2,
             object_shape,
             object_pieces,
-            palm_shapes: shapes(&gripper.palm)?,
-            finger_shapes: shapes(&gripper.finger)?,
+            palm_shapes: shapes(&gripper.palm, 0.0)?,
+            finger_shapes: shapes(&gripper.finger, protocol.finger_edge_m)?,
             finger_parts: [0, 1].map(|side| {
                 let first = gripper.palm.len() + side * gripper.finger.len();
                 (first..first + gripper.finger.len()).collect()
@@ -149,11 +156,22 @@ impl Scene {
 
 /// A box stays a box: its contact with a triangle is found by separating axes, which is sound at
 /// any depth, while a hull goes through GJK and EPA, whose normal can tip over in a flat triangle.
-fn part_shape(part: &Part) -> Option<(Pose, SharedShape)> {
+///
+/// `edge_m` is taken off at both sides and at the tip, where rounding ends the flat faces; what
+/// faces the object and what faces the palm stays.
+fn part_shape(part: &Part, edge_m: f64, is_tip: bool) -> Option<(Pose, SharedShape)> {
     if let Some(cuboid) = &part.cuboid {
-        let half = cuboid.size_m.map(|s| (s / 2.0) as f32);
-        let pose = convert::pose(&cuboid.pose());
-        return Some((pose, SharedShape::cuboid(half[0], half[1], half[2])));
+        let tip_m = if is_tip { edge_m } else { 0.0 };
+        let size = Vector3::from(cuboid.size_m) - Vector3::new(0.0, 2.0 * edge_m, tip_m);
+        if size.min() <= 0.0 {
+            return None;
+        }
+        let half = (size / 2.0).map(|s| s as f32);
+        let shifted = cuboid.pose() * Translation3::new(0.0, 0.0, -tip_m / 2.0);
+        return Some((
+            convert::pose(&shifted),
+            SharedShape::cuboid(half[0], half[1], half[2]),
+        ));
     }
     convex(&part.corners()).map(|shape| (Pose::IDENTITY, shape))
 }

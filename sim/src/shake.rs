@@ -23,6 +23,19 @@ impl Shake {
         }
     }
 
+    /// Largest acceleration, in units of the amplitude's unit per s2.
+    pub fn peak_acceleration(&self) -> f64 {
+        let (n, duration) = (2000, self.duration_s());
+        let h = duration / f64::from(n);
+        (1..n)
+            .map(|i| {
+                let t = f64::from(i) * h;
+                let bend = self.offset(t - h) - 2.0 * self.offset(t) + self.offset(t + h);
+                (bend / (h * h)).abs()
+            })
+            .fold(0.0, f64::max)
+    }
+
     /// Deflection at `t` seconds from its start, in units of the amplitude's unit.
     pub fn offset(&self, t: f64) -> f64 {
         let duration = self.duration_s();

@@ -9,8 +9,9 @@ use shakedown_gripper_assets::gripper::Side;
 
 use crate::contact::{self, FingerContact};
 use crate::convert;
-use crate::hand::{self, FingerState};
+use crate::hand::{self, Drive, FingerState};
 use crate::scene::Scene;
+use crate::torsion::Torsion;
 
 const PALM: Group = Group::GROUP_1;
 const FINGER: Group = Group::GROUP_2;
@@ -29,6 +30,16 @@ pub(crate) struct World {
     object: RigidBodyHandle,
     object_collider: ColliderHandle,
     body_from_object: Isometry3<f64>,
+    torsion: Torsion,
+}
+
+/// A force and a torque on the object, at its centre of mass.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ObjectLoad {
+    /// Force, N, axes of the hand at the start of the trial.
+    pub force_n: Vector3<f64>,
+    /// Torque, N m, same axes.
+    pub torque_n_m: Vector3<f64>,
 }
 
 impl World {
@@ -120,13 +131,20 @@ impl World {
             object,
             object_collider,
             body_from_object: object_from_body.inverse(),
+            torsion: Torsion::new(scene.protocol.friction_torsional_m),
         }
     }
 
-    /// Limits the closing speed by damping of the fingers; infinite speed: no damping at all.
-    pub(crate) fn limit_speed(&mut self, scene: &Scene, speed_m_s: f64) {
-        let p = &scene.protocol;
-        let damping = scene.grip_force_n / (p.solver.finger_mass_kg * speed_m_s);
+    /// Holds the object where it is, or lets it go.
+    pub(crate) fn freeze(&mut self, is_frozen: bool) {
+        let object = &mut self.physics.bodies[self.object];
+        object.lock_translations(is_frozen, true);
+        object.lock_rotations(is_frozen, true);
+    }
+
+    /// Limits the speed of fingers that press with `force_n` by damping; infinite: no damping.
+    pub(crate) fn limit_speed(&mut self, scene: &Scene, force_n: f64, speed_m_s: f64) {
+        let damping = force_n / (scene.protocol.solver.finger_mass_kg * speed_m_s);
         for finger in self.fingers {
             self.physics.bodies[finger].set_linear_damping(damping as f32);
         }
@@ -148,19 +166,46 @@ impl World {
     }
 
     /// One time step with the palm moving to `world_from_hand`.
-    pub(crate) fn step(&mut self, scene: &Scene, world_from_hand: &Isometry3<f64>) -> FingerState {
-        let p = &scene.protocol;
-        let state = hand::press(
+    pub(crate) fn step(
+        &mut self,
+        scene: &Scene,
+        world_from_hand: &Isometry3<f64>,
+        drive: &Drive,
+        load: &ObjectLoad,
+    ) {
+        hand::press(
             &mut self.physics,
             self.palm,
             self.fingers,
-            scene.grip_force_n,
-            p.solver.finger_mass_kg,
-            p.solver.coupling_hz,
+            drive,
+            &scene.protocol.solver,
         );
+        let mut torque_n_m = load.torque_n_m;
+        if self.torsion.is_active() {
+            torque_n_m += self.torsion_n_m(scene);
+        }
+        let object = &mut self.physics.bodies[self.object];
+        object.reset_forces(true);
+        object.reset_torques(true);
+        object.add_force(convert::vector(&load.force_n), true);
+        object.add_torque(convert::vector(&torque_n_m), true);
         self.physics.bodies[self.palm].set_next_kinematic_position(convert::pose(world_from_hand));
         self.physics.step();
-        state
+    }
+
+    fn torsion_n_m(&mut self, scene: &Scene) -> Vector3<f64> {
+        let dt_s = scene.protocol.dt_s;
+        let contacts = self.contacts(dt_s);
+        let palm = &self.physics.bodies[self.palm];
+        let closing_axis = convert::from_pose(palm.position()).rotation * Vector3::x();
+        let object = &self.physics.bodies[self.object];
+        let spin = convert::from_vector(object.angvel() - palm.angvel());
+        let axis = convert::from_pose(object.position())
+            .rotation
+            .inverse_transform_vector(&closing_axis);
+        let inertia = axis.dot(&(scene.object_inertia_kg_m2 * axis));
+        self.torsion
+            .torque_n_m(&contacts, scene.friction, inertia, &spin, dt_s)
     }
 
     /// Contact of the left and of the right finger in the last step.
@@ -172,6 +217,26 @@ impl World {
                     .map(|part| contact::between(&self.physics, *part, self.object_collider, dt_s)),
             )
         })
+    }
+
+    /// Takes the hand out of the world.
+    pub(crate) fn remove_hand(&mut self) {
+        for body in self.fingers.into_iter().chain([self.palm]) {
+            for collider in self.physics.bodies[body].colliders().to_vec() {
+                self.physics.colliders[collider].set_enabled(false);
+            }
+        }
+    }
+
+    /// Momentum and angular momentum of the object about its centre of mass, world axes.
+    pub(crate) fn momentum(&self, scene: &Scene) -> (Vector3<f64>, Vector3<f64>) {
+        let object = &self.physics.bodies[self.object];
+        let turn = convert::from_pose(object.position()).rotation;
+        let spin = turn.inverse() * convert::from_vector(object.angvel());
+        (
+            convert::from_vector(object.linvel()) * scene.mass_kg,
+            turn * (scene.object_inertia_kg_m2 * spin),
+        )
     }
 
     pub(crate) fn fingers(&self) -> FingerState {
