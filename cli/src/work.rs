@@ -134,6 +134,8 @@ fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>
                 o.grip_force_n,
             ],
             sim_s: o.sim_s,
+            stage: o.stage.name(),
+            margin_g: o.margin_g,
         }),
     }
 }

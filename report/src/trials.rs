@@ -3,7 +3,7 @@
 use std::io::Write;
 
 /// Column names, in the order of the contract.
-pub const COLUMNS: [&str; 28] = [
+pub const COLUMNS: [&str; 30] = [
     "object",
     "grasp",
     "score",
@@ -32,6 +32,8 @@ pub const COLUMNS: [&str; 28] = [
     "grip_force_n",
     "sim_s",
     "p_hold",
+    "stage",
+    "margin_g",
 ];
 
 /// One row; `None` becomes an empty cell.
@@ -75,6 +77,10 @@ pub struct PhysicsCells {
     pub measurements: [Option<f64>; 5],
     /// Simulated time, s.
     pub sim_s: f64,
+    /// What the trial was doing when it ended.
+    pub stage: &'static str,
+    /// Under `hardness`: the acceleration survived, multiples of 9.81 m/s2.
+    pub margin_g: Option<f64>,
 }
 
 /// Appends a number in its shortest round-trip form.
@@ -142,6 +148,9 @@ pub fn write_row(out: &mut impl Write, object: &str, row: &TrialRow) -> std::io:
     }
     // p_hold: unknown until a calibrated model exists.
     line.push(',');
+    line.push(',');
+    line.push_str(row.physics.as_ref().map_or("", |p| p.stage));
+    number(&mut line, row.physics.as_ref().and_then(|p| p.margin_g));
     line.push('\n');
     out.write_all(line.as_bytes())
 }
@@ -177,6 +186,8 @@ mod tests {
                 held: true,
                 measurements: [Some(0.001), None, Some(2.0), Some(0.1), Some(20.0)],
                 sim_s: 2.7,
+                stage: "hold",
+                margin_g: Some(3.5),
             }),
         };
         let mut out = Vec::new();
@@ -197,6 +208,7 @@ mod tests {
             (&rows[0][12], &rows[0][19], &rows[0][20]),
             ("optimal", "held", "1")
         );
-        assert_eq!(&rows[1][27], "");
+        assert_eq!((&rows[0][28], &rows[0][29]), ("hold", "3.5"));
+        assert!((27..30).all(|i| rows[1][i].is_empty()));
     }
 }

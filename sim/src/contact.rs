@@ -1,70 +1,93 @@
-//! Who touches whom, and how hard?
+//! Who touches whom, where, and how hard?
 
-use nalgebra::Vector3;
-use rapier3d::math::Vector;
-use rapier3d::prelude::{ColliderHandle, ContactManifold, PhysicsWorld};
+use nalgebra::{Point3, Vector3};
+use rapier3d::parry::query::TrackedContact;
+use rapier3d::prelude::{ColliderHandle, ContactData, ContactManifold, PhysicsWorld};
+
+use crate::convert;
+
+/// The engine's mark of a contact that is new in this step, in the id of a solver contact.
+const NEW_CONTACT: u32 = 1 << 31;
 
 /// Contact of one finger with the object in the last step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FingerContact {
     /// Sum of the normal forces, N, as a vector on the object in world axes.
     pub force_n: Vector3<f64>,
     /// Does any point press?
     pub touches: bool,
-    /// Mean distance of the pressing points from their middle, weighted by force, metres: the
-    /// lever arm of the torsional friction that the engine gives by itself.
+    /// Centre of pressure in the world, metres; only meaningful where it touches.
+    pub centre_m: Point3<f64>,
+    /// Mean distance of the pressing points from the centre of pressure, weighted by force, metres.
     pub reach_m: f64,
 }
 
-/// The contact of a finger from those of its parts.
-pub(crate) fn sum(parts: impl Iterator<Item = FingerContact>) -> FingerContact {
-    parts.fold(FingerContact::default(), |a, b| FingerContact {
-        force_n: a.force_n + b.force_n,
-        touches: a.touches || b.touches,
-        reach_m: {
-            let (fa, fb) = (a.force_n.norm(), b.force_n.norm());
-            (a.reach_m * fa + b.reach_m * fb) / (fa + fb).max(1e-12)
-        },
-    })
-}
+/// No contact.
+pub(crate) const NONE: FingerContact = FingerContact {
+    force_n: Vector3::new(0.0, 0.0, 0.0),
+    touches: false,
+    centre_m: Point3::new(0.0, 0.0, 0.0),
+    reach_m: 0.0,
+};
 
-/// Reads the contact between a finger and the object. Impulses are those of the solver, so the
-/// clustered manifolds count, not the raw ones.
-pub(crate) fn between(
+/// Reads the contact between a finger's colliders and the object. Impulses are those of the solver,
+/// so the manifolds it saw count, not the raw ones.
+pub(crate) fn of_finger(
     world: &PhysicsWorld,
-    finger: ColliderHandle,
+    finger: &[ColliderHandle],
     object: ColliderHandle,
     dt_s: f64,
 ) -> FingerContact {
-    let mut contact = FingerContact::default();
-    let Some(pair) = world.narrow_phase.contact_pair(finger, object) else {
-        return contact;
-    };
-    let mut reach = 0.0;
-    let towards_object = if pair.collider1 == finger { 1.0 } else { -1.0 };
-    for manifold in pair.solver_manifolds() {
-        let impulse: f64 = manifold
-            .points
-            .iter()
-            .map(|p| f64::from(p.data.impulse))
-            .sum();
-        if impulse > 0.0 {
-            contact.touches = true;
-            let normal = crate::convert::from_vector(manifold.data.normal);
-            contact.force_n += normal * (towards_object * impulse / dt_s);
-            reach += reach_of(manifold);
-        }
+    let mut force_n = Vector3::zeros();
+    let (mut total, mut moment) = (0.0, Vector3::zeros());
+    for_each(world, finger, object, |point, normal, impulse| {
+        force_n += normal * (impulse / dt_s);
+        moment += point.coords * impulse;
+        total += impulse;
+    });
+    let centre_m = Point3::from(moment / f64::max(total, 1e-12));
+    let mut spread = 0.0;
+    for_each(world, finger, object, |point, _, impulse| {
+        spread += (point - centre_m).norm() * impulse;
+    });
+    FingerContact {
+        force_n,
+        touches: total > 0.0,
+        centre_m,
+        reach_m: spread / f64::max(total, 1e-12),
     }
-    contact.reach_m = reach / (contact.force_n.norm() * dt_s).max(1e-12);
-    contact
 }
 
-/// Sum over the points of impulse x distance from the points' middle, N s m.
-fn reach_of(manifold: &ContactManifold) -> f64 {
-    let points = &manifold.points;
-    let middle = points.iter().map(|p| p.local_p1).sum::<Vector>() / points.len() as f32;
-    points
-        .iter()
-        .map(|p| f64::from(p.data.impulse * (p.local_p1 - middle).length()))
-        .sum()
+/// Calls `visit(point, normal towards the object, impulse)` for every pressing point.
+fn for_each(
+    world: &PhysicsWorld,
+    finger: &[ColliderHandle],
+    object: ColliderHandle,
+    mut visit: impl FnMut(Point3<f64>, Vector3<f64>, f64),
+) {
+    for part in finger {
+        let Some(pair) = world.narrow_phase.contact_pair(*part, object) else {
+            continue;
+        };
+        let is_first = pair.collider1 == *part;
+        let world_from_part = world.colliders[*part].position();
+        for manifold in pair.solver_manifolds() {
+            let towards = if is_first { 1.0 } else { -1.0 };
+            let normal = convert::from_vector(manifold.data.normal) * towards;
+            for point in active(manifold) {
+                let impulse = f64::from(point.data.impulse);
+                if impulse > 0.0 {
+                    let local = if is_first { point.local_p1 } else { point.local_p2 };
+                    let at = convert::from_vector(world_from_part.transform_point(local));
+                    visit(Point3::from(at), normal, impulse);
+                }
+            }
+        }
+    }
+}
+
+/// The points that the solver saw. Others keep the impulse of the step that saw them last.
+fn active(manifold: &ContactManifold) -> impl Iterator<Item = &TrackedContact<ContactData>> {
+    let seen = manifold.data.solver_contacts.iter();
+    seen.map(|c| &manifold.points[(c.contact_id[0] & !NEW_CONTACT) as usize])
 }

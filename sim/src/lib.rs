@@ -11,6 +11,7 @@ pub mod hand;
 mod load;
 
 pub mod outcome;
+mod patch;
 pub mod probe;
 pub mod protocol;
 pub mod scene;

@@ -70,6 +70,24 @@ pub enum Stage {
     Hold,
 }
 
+impl Stage {
+    /// Name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Closing => "closing",
+            Self::Squeeze => "squeeze",
+            Self::Settle => "settle",
+            Self::ShakeLinear => "shake_linear",
+            Self::ShakeAngular => "shake_angular",
+            Self::Tug => "tug",
+            Self::Lift => "lift",
+            Self::Hardness => "hardness",
+            Self::Hold => "hold",
+        }
+    }
+}
+
 /// The end of one trial with its measurements. Lengths and angles are of the object in the hand
 /// frame, at its centre of mass.
 #[derive(Debug, Clone, Copy, PartialEq)]

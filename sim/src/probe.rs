@@ -76,7 +76,7 @@ impl<'a> Probe<'a> {
 
     /// Contact of the left and the right finger in the last step.
     pub fn contacts(&self) -> [FingerContact; 2] {
-        self.world.contacts(self.scene.protocol.dt_s)
+        self.world.contacts()
     }
 
     /// Where the fingers are.

@@ -157,8 +157,7 @@ impl Scene {
 /// A box stays a box: its contact with a triangle is found by separating axes, which is sound at
 /// any depth, while a hull goes through GJK and EPA, whose normal can tip over in a flat triangle.
 ///
-/// `edge_m` is taken off at both sides and at the tip, where rounding ends the flat faces; what
-/// faces the object and what faces the palm stays.
+/// `edge_m` is taken off at both sides and at the tip: what faces the object and the palm stays.
 fn part_shape(part: &Part, edge_m: f64, is_tip: bool) -> Option<(Pose, SharedShape)> {
     if let Some(cuboid) = &part.cuboid {
         let tip_m = if is_tip { edge_m } else { 0.0 };
@@ -168,10 +167,8 @@ fn part_shape(part: &Part, edge_m: f64, is_tip: bool) -> Option<(Pose, SharedSha
         }
         let half = (size / 2.0).map(|s| s as f32);
         let shifted = cuboid.pose() * Translation3::new(0.0, 0.0, -tip_m / 2.0);
-        return Some((
-            convert::pose(&shifted),
-            SharedShape::cuboid(half[0], half[1], half[2]),
-        ));
+        let shape = SharedShape::cuboid(half.x, half.y, half.z);
+        return Some((convert::pose(&shifted), shape));
     }
     convex(&part.corners()).map(|shape| (Pose::IDENTITY, shape))
 }

@@ -37,11 +37,12 @@ impl Torsion {
         friction: f64,
         inertia_kg_m2: f64,
         spin_rad_s: &Vector3<f64>,
+        patch_scale: f64,
         dt_s: f64,
     ) -> Vector3<f64> {
         // As stiff and damped as an explicit spring shared by two fingers stays stable.
-        let stiffness = 0.1 * inertia_kg_m2 / (dt_s * dt_s);
-        let damping = 0.3 * inertia_kg_m2 / dt_s;
+        let stiffness = 0.4 * inertia_kg_m2 / (dt_s * dt_s);
+        let damping = 0.4 * inertia_kg_m2 / dt_s;
         let mut total = Vector3::zeros();
         for (twist, contact) in self.twist_rad.iter_mut().zip(contacts) {
             let force = contact.force_n.norm();
@@ -50,7 +51,7 @@ impl Torsion {
                 continue;
             }
             let normal = contact.force_n / force;
-            let limit = friction * force * (self.lever_m - contact.reach_m).max(0.0);
+            let limit = friction * force * (self.lever_m - patch_scale * contact.reach_m).max(0.0);
             let rate = spin_rad_s.dot(&normal);
             *twist += rate * dt_s;
             let wanted = stiffness * *twist + damping * rate;

@@ -152,7 +152,7 @@ impl<'a> Trial<'a> {
             if self.world.hand_from_body().is_none() {
                 return Err(Label::Diverged);
             }
-            touching = self.world.contacts(p.dt_s).map(|c| c.touches);
+            touching = self.world.contacts().map(|c| c.touches);
             let speeds = self.world.fingers().speed_m_s;
             let at_rest = speeds.iter().all(|v| v.abs() < REST_SPEED_M_S);
             rest_s = if at_rest && touching == [true; 2] {
@@ -173,10 +173,10 @@ impl<'a> Trial<'a> {
             self.world
                 .limit_speed(self.scene, self.drive.force_n, p.closing_speed_m_s);
             self.advance(&still, &Vector3::zeros());
-            touching = self.world.contacts(p.dt_s).map(|c| c.touches);
+            touching = self.world.contacts().map(|c| c.touches);
         }
         self.drive.force_n = full_n;
-        let forces = self.world.contacts(p.dt_s).map(|c| c.force_n.norm());
+        let forces = self.world.contacts().map(|c| c.force_n.norm());
         let fingers = self.world.fingers();
         self.outcome.grip_force_n = Some((forces[0] + forces[1]) / 2.0);
         self.outcome.width_m = Some(fingers.width_m());
@@ -237,7 +237,7 @@ impl<'a> Trial<'a> {
         let force = phases.last().map_or(Vector3::zeros(), |l| l.object_force_n);
         for _ in 0..(REST_S / p.dt_s).round() as u32 {
             self.advance(&base, &force);
-            for (seen, contact) in touched.iter_mut().zip(self.world.contacts(p.dt_s)) {
+            for (seen, contact) in touched.iter_mut().zip(self.world.contacts()) {
                 *seen |= contact.touches;
             }
         }
@@ -252,7 +252,7 @@ impl<'a> Trial<'a> {
     fn check(&mut self, reference: &Isometry3<f64>) -> Result<(), Label> {
         let p = &self.scene.protocol;
         let now = self.world.hand_from_body().ok_or(Label::Diverged)?;
-        let touches = self.world.contacts(p.dt_s).map(|c| c.touches);
+        let touches = self.world.contacts().map(|c| c.touches);
         if touches != [false; 2] {
             self.last_touch_s = self.outcome.sim_s;
         }

@@ -10,6 +10,7 @@ use shakedown_gripper_assets::gripper::Side;
 use crate::contact::{self, FingerContact};
 use crate::convert;
 use crate::hand::{self, Drive, FingerState};
+use crate::patch::Patch;
 use crate::scene::Scene;
 use crate::torsion::Torsion;
 
@@ -31,6 +32,8 @@ pub(crate) struct World {
     object_collider: ColliderHandle,
     body_from_object: Isometry3<f64>,
     torsion: Torsion,
+    patch: Patch,
+    touch: [FingerContact; 2],
 }
 
 /// A force and a torque on the object, at its centre of mass.
@@ -51,6 +54,8 @@ impl World {
             ..PhysicsWorld::default()
         };
         let friction = (scene.friction * scene.protocol.closing_friction_scale) as f32;
+        let mut patch = Patch::new(scene.protocol.solver.patch_scale);
+        let hooks = patch.hooks();
         let meets =
             |own: Group, other: Group| InteractionGroups::new(own, other, InteractionTestMode::And);
         let surface = |shape: &SharedShape, groups: InteractionGroups| {
@@ -60,6 +65,7 @@ impl World {
                 .friction_combine_rule(CoefficientCombineRule::Min)
                 .restitution(0.0)
                 .collision_groups(groups)
+                .active_hooks(hooks)
         };
         let palm = physics.insert_body(RigidBodyBuilder::kinematic_position_based());
         for (pose, shape) in &scene.palm_shapes {
@@ -106,6 +112,7 @@ impl World {
                 .build();
             physics.insert_impulse_joint(palm, fingers[i], slider);
         }
+        patch.set_fingers(fingers);
         let object_from_body = scene.object_from_body();
         let world_from_body = object_from_hand.inverse() * object_from_body;
         let damping = scene.protocol.object_damping_1_s as f32;
@@ -131,6 +138,8 @@ impl World {
             object,
             object_collider,
             body_from_object: object_from_body.inverse(),
+            touch: [contact::NONE; 2],
+            patch,
             torsion: Torsion::new(scene.protocol.friction_torsional_m),
         }
     }
@@ -190,12 +199,17 @@ impl World {
         object.add_force(convert::vector(&load.force_n), true);
         object.add_torque(convert::vector(&torque_n_m), true);
         self.physics.bodies[self.palm].set_next_kinematic_position(convert::pose(world_from_hand));
-        self.physics.step();
+        self.physics.step_with_events(&self.patch, &());
+        let (physics, object) = (&self.physics, self.object_collider);
+        self.touch = [0, 1].map(|i| {
+            contact::of_finger(physics, &self.finger_colliders[i], object, scene.protocol.dt_s)
+        });
+        self.patch.follow(&self.touch, &self.world_from_hand());
     }
 
     fn torsion_n_m(&mut self, scene: &Scene) -> Vector3<f64> {
         let dt_s = scene.protocol.dt_s;
-        let contacts = self.contacts(dt_s);
+        let contacts = self.touch;
         let palm = &self.physics.bodies[self.palm];
         let closing_axis = convert::from_pose(palm.position()).rotation * Vector3::x();
         let object = &self.physics.bodies[self.object];
@@ -204,19 +218,14 @@ impl World {
             .rotation
             .inverse_transform_vector(&closing_axis);
         let inertia = axis.dot(&(scene.object_inertia_kg_m2 * axis));
+        let patch_scale = scene.protocol.solver.patch_scale;
         self.torsion
-            .torque_n_m(&contacts, scene.friction, inertia, &spin, dt_s)
+            .torque_n_m(&contacts, scene.friction, inertia, &spin, patch_scale, dt_s)
     }
 
     /// Contact of the left and of the right finger in the last step.
-    pub(crate) fn contacts(&self, dt_s: f64) -> [FingerContact; 2] {
-        [0, 1].map(|i| {
-            let parts = self.finger_colliders[i].iter();
-            contact::sum(
-                parts
-                    .map(|part| contact::between(&self.physics, *part, self.object_collider, dt_s)),
-            )
-        })
+    pub(crate) fn contacts(&self) -> [FingerContact; 2] {
+        self.touch
     }
 
     /// Takes the hand out of the world.
@@ -276,7 +285,7 @@ fn parameters(scene: &Scene) -> IntegrationParameters {
         contact_softness: softness,
         static_contact_softness: softness,
         contact_recycling: false,
-        contact_clustering: true,
+        contact_clustering: false,
         friction_in_bias_pass: s.friction_in_bias_pass,
         friction_model: FrictionModel::Simplified,
         warmstart_joints: true,

@@ -1,5 +1,7 @@
 //! What the tests of the whole share: where the real data lies, and how to say that it does not.
 
+pub mod laws;
+
 use std::path::{Path, PathBuf};
 
 /// The folder of real data beside the checkout (`SHAKEDOWN_SHARED`, else `../shared`), or `None`

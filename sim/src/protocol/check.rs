@@ -29,6 +29,7 @@ impl Protocol {
             ("origin_distance_max_m", self.origin_distance_max_m),
             ("solver.contact_hz", s.contact_hz),
             ("solver.contact_damping_ratio", s.contact_damping_ratio),
+            ("solver.patch_scale", s.patch_scale),
             ("solver.prediction_m", s.prediction_m),
             ("solver.corrective_speed_m_s", s.corrective_speed_m_s),
             ("solver.finger_mass_kg", s.finger_mass_kg),

@@ -240,6 +240,9 @@ pub struct Solver {
     pub contact_damping_ratio: f64,
     /// Solve friction in the biased pass too.
     pub friction_in_bias_pass: bool,
+    /// Size of a contact patch for the solver, as a share of its outline; 0.54: the lever arm of
+    /// uniform pressure, 1: all force in the corners.
+    pub patch_scale: f64,
     /// Distance at which contacts are prepared, m.
     pub prediction_m: f64,
     /// Largest speed at which penetration is corrected, m/s.
