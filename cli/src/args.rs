@@ -94,6 +94,12 @@ pub enum Command {
     /// Measure each stage on this machine
     #[command(after_help = "Example:\n  shakedown bench --format json > bench.json")]
     Bench(BenchArgs),
+    /// Write one trial as a MuJoCo model: object, hand, schedule
+    #[command(
+        name = "export-mjcf",
+        after_help = "Example:\n  shakedown export-mjcf --grasps Mug.h5 --mesh-root acronym --grasp 17 --out trial17\n\nWrites trial.xml (the model, seen from the hand) and trial.json (forces, schedule, verdict)."
+    )]
+    ExportMjcf(ExportMjcfArgs),
     /// Print shell completions
     #[command(
         after_help = "Example:\n  shakedown completions bash > /etc/bash_completion.d/shakedown"
@@ -271,4 +277,25 @@ pub struct BenchArgs {
 pub struct CompletionsArgs {
     /// Shell
     pub shell: clap_complete::Shell,
+}
+
+/// Which trial is written, and where.
+#[derive(Args, Clone)]
+pub struct ExportMjcfArgs {
+    #[command(flatten)]
+    pub source: SourceArgs,
+    #[command(flatten)]
+    pub object: ObjectArgs,
+    /// The protocol: a name or a TOML file
+    #[arg(long, default_value = "acronym", value_name = "NAME|FILE")]
+    pub protocol: String,
+    /// Override one constant of the protocol
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Numbers of the grasps within the object; several make a folder each
+    #[arg(long, num_args = 1.., default_value = "0", value_name = "N")]
+    pub grasp: Vec<u64>,
+    /// The directory of trial.xml and trial.json
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }

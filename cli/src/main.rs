@@ -54,6 +54,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Some(Command::Protocols(args)) => commands::protocols::run(global, args),
         Some(Command::Models) => commands::models::run(global),
         Some(Command::Bench(args)) => commands::bench::run(global, args),
+        Some(Command::ExportMjcf(args)) => commands::export_mjcf::run(global, args),
         Some(Command::Completions(args)) => commands::completions::run(args),
     }
 }

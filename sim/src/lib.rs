@@ -9,7 +9,7 @@ pub mod contact;
 mod convert;
 pub mod hand;
 mod load;
-
+pub mod mjcf;
 pub mod outcome;
 mod patch;
 pub mod probe;

@@ -159,7 +159,8 @@ fn tugs(p: &Protocol, mass_kg: f64, object_from_hand: &Isometry3<f64>) -> Vec<Ph
     p.tug_directions.iter().map(one).collect()
 }
 
-/// Shakes along approach, sideways and along the closing axis, level by level.
+/// Shakes along approach and sideways, level by level. Along the closing axis the coupling of the
+/// fingers would be tried, not the grasp.
 fn levels(p: &Protocol) -> Vec<Phase> {
     let unit = Shake {
         amplitude: 1.0,
@@ -174,13 +175,13 @@ fn levels(p: &Protocol) -> Vec<Phase> {
             amplitude: level_g * GRAVITY_M_S2 / per_metre_m_s2,
             ..unit
         };
-        for axis in [Vector3::z(), Vector3::y(), Vector3::x()] {
+        for axis in [Vector3::z(), Vector3::y()] {
             phases.push(Phase {
                 motion: Motion::Linear(shake, axis),
                 ..Phase::still(Stage::Hardness, shake.duration_s())
             });
         }
-        phases.last_mut().expect("three axes").level_g = Some(level_g);
+        phases.last_mut().expect("two axes").level_g = Some(level_g);
         level_g *= p.hardness_growth;
     }
     phases

@@ -57,6 +57,8 @@ pub struct Scene {
     pub(crate) object_inertia_kg_m2: Matrix3<f64>,
     /// What the fingers meet.
     pub(crate) object_shape: SharedShape,
+    /// Corners of the convex pieces, centre of mass at the origin.
+    pub(crate) pieces_m: Vec<Vec<Point3<f64>>>,
     /// What the palm meets: always convex pieces, as nothing is gripped there.
     pub(crate) object_pieces: SharedShape,
     /// Convex parts, each a collider of its own: parry mends the contacts of a triangle surface at
@@ -91,9 +93,9 @@ impl Scene {
         };
         let mass = mass.with_mass(mass.mass_kg.max(protocol.object_mass_min_kg));
         let com_m = mass.com_m;
-        let (object_pieces, pieces) = pieces_shape(object, &com_m, protocol, cache)?;
+        let (object_pieces, pieces_m) = pieces_shape(object, &com_m, protocol, cache)?;
         let (object_shape, contact_parts) = match protocol.solver.object_contact {
-            ObjectContact::Pieces => (object_pieces.clone(), pieces),
+            ObjectContact::Pieces => (object_pieces.clone(), pieces_m.len()),
             ObjectContact::Surface => surface_shape(object, &com_m)?,
         };
         let hull = |name: &str, corners: &[Point3<f64>]| {
@@ -108,11 +110,9 @@ impl Scene {
             .iter()
             .map(|(name, corners)| hull(name, corners).map(Intruder::new))
             .collect::<Result<Vec<_>, _>>()?;
-        let top_m = |part: &Part| part.corners().iter().map(|c| c.z).fold(f64::MIN, f64::max);
-        let tip_m = gripper.finger.iter().map(top_m).fold(f64::MIN, f64::max);
         let shapes = |parts: &[Part], edge_m: f64| {
             let shape = |part: &Part| {
-                part_shape(part, edge_m, top_m(part) > tip_m - 1e-6).ok_or_else(|| SceneError::FlatPart {
+                part_shape(part, edge_m, is_tip(part, gripper)).ok_or_else(|| SceneError::FlatPart {
                     gripper: gripper.name.clone(),
                     part: part.name.clone(),
                 })
@@ -136,6 +136,7 @@ impl Scene {
             object_inertia_kg_m2: mass.inertia_kg_m2,
             object_shape,
             object_pieces,
+            pieces_m,
             palm_shapes: shapes(&gripper.palm, 0.0)?,
             finger_shapes: shapes(&gripper.finger, protocol.finger_edge_m)?,
             finger_parts: [0, 1].map(|side| {
@@ -159,18 +160,33 @@ impl Scene {
 ///
 /// `edge_m` is taken off at both sides and at the tip: what faces the object and the palm stays.
 fn part_shape(part: &Part, edge_m: f64, is_tip: bool) -> Option<(Pose, SharedShape)> {
-    if let Some(cuboid) = &part.cuboid {
-        let tip_m = if is_tip { edge_m } else { 0.0 };
-        let size = Vector3::from(cuboid.size_m) - Vector3::new(0.0, 2.0 * edge_m, tip_m);
-        if size.min() <= 0.0 {
-            return None;
-        }
-        let half = (size / 2.0).map(|s| s as f32);
-        let shifted = cuboid.pose() * Translation3::new(0.0, 0.0, -tip_m / 2.0);
+    if part.cuboid.is_some() {
+        let (pose, half) = trimmed_box(part, edge_m, is_tip)?;
+        let half = half.map(|s| s as f32);
         let shape = SharedShape::cuboid(half.x, half.y, half.z);
-        return Some((convert::pose(&shifted), shape));
+        return Some((convert::pose(&pose), shape));
     }
     convex(&part.corners()).map(|shape| (Pose::IDENTITY, shape))
+}
+
+/// Pose and half size of a part that is a box, trimmed at its edges.
+pub(crate) fn trimmed_box(
+    part: &Part,
+    edge_m: f64,
+    is_tip: bool,
+) -> Option<(Isometry3<f64>, Vector3<f64>)> {
+    let cuboid = part.cuboid.as_ref()?;
+    let tip_m = if is_tip { edge_m } else { 0.0 };
+    let size = Vector3::from(cuboid.size_m) - Vector3::new(0.0, 2.0 * edge_m, tip_m);
+    let pose = cuboid.pose() * Translation3::new(0.0, 0.0, -tip_m / 2.0);
+    (size.min() > 0.0).then_some((pose, size / 2.0))
+}
+
+/// Does this part of a finger reach as far as any?
+pub(crate) fn is_tip(part: &Part, gripper: &Gripper) -> bool {
+    let top_m = |part: &Part| part.corners().iter().map(|c| c.z).fold(f64::MIN, f64::max);
+    let tip_m = gripper.finger.iter().map(top_m).fold(f64::MIN, f64::max);
+    top_m(part) > tip_m - 1e-6
 }
 
 fn convex(corners: &[Point3<f64>]) -> Option<SharedShape> {
@@ -194,7 +210,7 @@ fn pieces_shape(
     com: &Point3<f64>,
     protocol: &Protocol,
     cache: Option<&Path>,
-) -> Result<(SharedShape, usize), SceneError> {
+) -> Result<(SharedShape, Vec<Vec<Point3<f64>>>), SceneError> {
     // For the palm alone, where nothing is gripped, a coarse cut is enough.
     let finest = match protocol.solver.object_contact {
         ObjectContact::Pieces => u32::MAX,
@@ -213,7 +229,7 @@ fn pieces_shape(
         object: object.id.clone(),
         what: "the convex decomposition is empty; try solver.object_contact=surface".into(),
     })?;
-    Ok((shape, pieces.len()))
+    Ok((shape, pieces))
 }
 
 fn surface_shape(object: &Object, com: &Point3<f64>) -> Result<(SharedShape, usize), SceneError> {

@@ -243,7 +243,7 @@ pub fn all() -> Vec<Law> {
         add("twist", case, &format!("ball_{lever}"), lever, twist_lever_mm(&scene, 25.0), 0.75, "mm");
     }
     for mu in [0.2, 0.5, 1.0] {
-        let case = format!("cube on an open finger, mu {mu}");
+        let case = format!("plate on the palm, mu {mu}");
         let angle = f64::to_degrees(f64::atan(mu));
         add("incline", case, "", angle, incline_onset_deg(mu), 0.02 * angle, "degrees");
     }
@@ -280,25 +280,27 @@ pub fn delivered_n(scene: &Scene) -> f64 {
     sum / f64::from(2 * n)
 }
 
-/// Tilt at which a cube slides down the inner face of the right finger, which its weight holds
-/// open against the end of its stroke.
+/// Tilt at which a plate slides on the palm, which lies flat under it.
 pub fn incline_onset_deg(mu: f64) -> f64 {
-    let scene = gripped(&block(Vector3::new(0.008, 0.03, 0.03), 0.2), mu, 1e-6, &[]);
-    let object_from_hand = Isometry3::from(Translation3::new(0.04 - 0.004, 0.0, -0.1034));
+    let scene = gripped(&block(Vector3::new(0.03, 0.02, 0.008), 0.2), mu, 1e-6, &[]);
+    let palm_z_m = 0.0658;
+    let object_from_hand = Isometry3::from(Translation3::new(0.0, 0.0, -palm_z_m - 0.004));
     let slides = |degrees: f64| {
         let tilt = degrees.to_radians();
-        let gravity = Vector3::new(-tilt.cos(), tilt.sin(), 0.0) * 9.81;
+        let gravity = Vector3::new(tilt.sin(), 0.0, -tilt.cos()) * 9.81;
         let mut probe = Probe::new(&scene, &object_from_hand, 0.08);
-        probe.close(0.002, &Vector3::new(-9.81, 0.0, 0.0));
+        probe.close(0.002, &Vector3::new(0.0, 0.0, -9.81));
         for _ in 0..50 {
             probe.step(&Isometry3::identity(), &ObjectLoad::default());
         }
         let start = probe.motion().0;
-        let lean = ObjectLoad {
-            force_n: (gravity + Vector3::new(9.81, 0.0, 0.0)) * scene.mass_kg,
-            torque_n_m: Vector3::zeros(),
-        };
-        for _ in 0..250 {
+        let lean_n = (gravity + Vector3::new(0.0, 0.0, 9.81)) * scene.mass_kg;
+        for k in 1..=350 {
+            let share = (f64::from(k) / 100.0).min(1.0);
+            let lean = ObjectLoad {
+                force_n: lean_n * share,
+                torque_n_m: Vector3::zeros(),
+            };
             probe.step(&Isometry3::identity(), &lean);
         }
         !((probe.motion().0 - start).norm() < 1e-3)
@@ -359,4 +361,26 @@ pub fn symmetry_m() -> f64 {
     let a = closing(&(centred() * off));
     let b = closing(&(off * centred() * turn));
     (a - b).norm()
+}
+
+/// Motion over time of a cube under a share of the limit, (s, mm), cut at 2 mm.
+pub fn motion_mm(share: f64, duration_s: f64) -> Vec<(f64, f64)> {
+    let scene = gripped(&block(Vector3::repeat(0.05), 0.2), 0.5, 20.0, &[]);
+    let mut probe = Probe::new(&scene, &centred(), 0.08);
+    probe.close(0.6, &Vector3::zeros());
+    let (dt_s, limit_n) = (scene.protocol.dt_s, 2.0 * scene.friction * scene.grip_force_n);
+    let mut line = Vec::new();
+    for k in 1..=(duration_s / dt_s).round() as u32 {
+        let t_s = f64::from(k) * dt_s;
+        let force = share * limit_n * (t_s / 0.2).min(1.0);
+        probe.step(&Isometry3::identity(), &force_along(Vector3::y(), force));
+        let moved_mm = probe.motion().0.norm() * 1e3;
+        if moved_mm > 2.0 {
+            break;
+        }
+        if k % 5 == 0 {
+            line.push((t_s, moved_mm));
+        }
+    }
+    line
 }

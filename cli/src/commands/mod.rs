@@ -3,6 +3,7 @@
 pub mod bench;
 pub mod classify;
 pub mod completions;
+pub mod export_mjcf;
 pub mod grippers;
 pub mod models;
 pub mod objects;

@@ -1,0 +1,212 @@
+//! Writes `docs/validation.md` and its plots from measurements made here and now:
+//! `cargo run --release -p shakedown_tests --bin validation`.
+//!
+//! What other commands measured (MuJoCo's laws, cross-engine verdicts, agreement with labels) is
+//! read from the JSON files beside it and left out where there is none.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::{fs, io};
+
+use plotters::prelude::*;
+use serde_json::Value;
+use shakedown_tests::laws::{self, Law};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let data = docs.join("validation");
+    fs::create_dir_all(&data)?;
+    let mujoco = read(&data.join("mujoco_laws.json"))?;
+    let measured = laws::all();
+    let broken = measured.iter().filter(|l| !l.holds()).count();
+    plot_slip(&data.join("slip.svg"), &measured, &mujoco)?;
+    plot_twist(&data.join("twist.svg"), &measured, &mujoco)?;
+    plot_creep(&data.join("creep.svg"))?;
+    let page = fs::read_to_string(data.join("page.md"))?
+        .replace("{{laws}}", &table(&measured, &mujoco))
+        .replace("{{broken}}", &broken.to_string())
+        .replace("{{laws_total}}", &measured.len().to_string())
+        .replace(
+            "{{cross_engine}}",
+            &cross_engine(&data)?,
+        );
+    fs::write(docs.join("validation.md"), page)?;
+    println!("{} laws, {broken} broken: docs/validation.md", measured.len());
+    Ok(())
+}
+
+fn read(path: &Path) -> io::Result<Value> {
+    match fs::read(path) {
+        Ok(bytes) => Ok(serde_json::from_slice(&bytes)?),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(Value::Null),
+        Err(e) => Err(e),
+    }
+}
+
+fn mujoco_value(mujoco: &Value, key: &str) -> Option<f64> {
+    mujoco["values"][key].as_f64()
+}
+
+fn table(laws: &[Law], mujoco: &Value) -> String {
+    let mut out = String::from(
+        "| law | case | theory | measured | tolerance | unit | MuJoCo | |\n|---|---|---:|---:|---:|---|---:|---|\n",
+    );
+    for law in laws {
+        let theirs = mujoco_value(mujoco, &law.key).map_or(String::new(), short);
+        let mark = if law.holds() { "" } else { "**broken**" };
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {} | {} | {} | {theirs} | {mark} |",
+            law.law,
+            law.case,
+            short(law.analytic),
+            short(law.measured),
+            short(law.tolerance),
+            law.unit
+        );
+    }
+    out
+}
+
+fn short(x: f64) -> String {
+    if x == 0.0 {
+        "0".into()
+    } else if x.abs() < 1e-3 {
+        format!("{x:.1e}")
+    } else if x.abs() < 10.0 {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2}")
+    }
+}
+
+fn cross_engine(data: &Path) -> io::Result<String> {
+    let mut out = String::from(
+        "| protocol | grasps | same verdict | 95 % | both held | both failed | only rapier held | only MuJoCo held |\n|---|---:|---:|---|---:|---:|---:|---:|\n",
+    );
+    for name in ["acronym-stated", "acronym"] {
+        let report = read(&data.join(format!("cross_engine_{name}.json")))?;
+        if report.is_null() {
+            continue;
+        }
+        let (mut both, mut none, mut ours, mut theirs) = (0, 0, 0, 0);
+        for pair in report["pairs"].as_array().into_iter().flatten() {
+            let n = pair["n"].as_u64().unwrap_or(0);
+            match (pair["rapier"] == "held", pair["mujoco"] == "held") {
+                (true, true) => both += n,
+                (false, false) => none += n,
+                (true, false) => ours += n,
+                (false, true) => theirs += n,
+            }
+        }
+        let percent = |v: &Value| format!("{:.1} %", v.as_f64().unwrap_or(f64::NAN) * 100.0);
+        let _ = writeln!(
+            out,
+            "| `{name}` | {} | {} | [{}, {}] | {both} | {none} | {ours} | {theirs} |",
+            report["n"],
+            percent(&report["same_verdict"]),
+            percent(&report["ci95"][0]),
+            percent(&report["ci95"][1]),
+        );
+    }
+    Ok(out)
+}
+
+const OURS: RGBColor = RGBColor(0, 114, 178);
+const THEIRS: RGBColor = RGBColor(230, 159, 0);
+
+/// Onset of slip by case, theory at 1.
+fn plot_slip(path: &Path, laws: &[Law], mujoco: &Value) -> Result<(), Box<dyn std::error::Error>> {
+    let cases: Vec<&Law> = laws.iter().filter(|l| l.law == "slip onset").collect();
+    let root = SVGBackend::new(path, (720, 300)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let n = cases.len() as f64;
+    let mut chart = ChartBuilder::on(&root)
+        .caption("Load at which a gripped object slips, share of 2 mu F", ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(24)
+        .y_label_area_size(48)
+        .build_cartesian_2d(-0.5..n - 0.5, 0.97..1.03)?;
+    chart
+        .configure_mesh()
+        .x_labels(0)
+        .x_desc("case, in the order of the table")
+        .draw()?;
+    let band = |y: f64| PathElement::new(vec![(-0.5, y), (n - 0.5, y)], BLACK.mix(0.4));
+    chart.draw_series([band(0.99), band(1.01)])?;
+    let at = |i: usize, y: f64| (i as f64, y);
+    chart
+        .draw_series(cases.iter().enumerate().map(|(i, l)| Circle::new(at(i, l.measured), 5, OURS.filled())))?
+        .label("Shakedown")
+        .legend(|(x, y)| Circle::new((x + 8, y), 5, OURS.filled()));
+    let theirs = cases
+        .iter()
+        .enumerate()
+        .filter_map(|(i, l)| Some((i, mujoco_value(mujoco, &l.key)?)));
+    chart
+        .draw_series(theirs.map(|(i, y)| TriangleMarker::new(at(i, y), 5, THEIRS.filled())))?
+        .label("MuJoCo")
+        .legend(|(x, y)| TriangleMarker::new((x + 8, y), 5, THEIRS.filled()));
+    chart.configure_series_labels().border_style(BLACK.mix(0.2)).background_style(WHITE).draw()?;
+    root.present()?;
+    Ok(())
+}
+
+/// Torsional lever arm against theory.
+fn plot_twist(path: &Path, laws: &[Law], mujoco: &Value) -> Result<(), Box<dyn std::error::Error>> {
+    let cases: Vec<&Law> = laws.iter().filter(|l| l.law == "twist").collect();
+    let root = SVGBackend::new(path, (720, 300)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let n = cases.len() as f64;
+    let mut chart = ChartBuilder::on(&root)
+        .caption("Lever arm of the friction that resists a twist, mm", ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(24)
+        .y_label_area_size(48)
+        .build_cartesian_2d(-0.5..n - 0.5, 0.0..14.0)?;
+    chart.configure_mesh().x_labels(0).x_desc("flat, line, ball, ball with 2 mm, ball with 4 mm").draw()?;
+    let bar = |i: usize, shift: f64, y: f64, colour: RGBColor| {
+        let x = i as f64 + shift;
+        Rectangle::new([(x - 0.12, 0.0), (x + 0.12, y)], colour.filled())
+    };
+    let entries: [(&str, RGBColor, f64); 3] = [("theory", RGBColor(120, 120, 120), -0.26), ("Shakedown", OURS, 0.0), ("MuJoCo", THEIRS, 0.26)];
+    for (k, (name, colour, shift)) in entries.into_iter().enumerate() {
+        let bars = cases.iter().enumerate().filter_map(|(i, l)| {
+            let y = match k {
+                0 => l.analytic,
+                1 => l.measured,
+                _ => mujoco_value(mujoco, &l.key)?,
+            };
+            Some(bar(i, shift, y, colour))
+        });
+        chart
+            .draw_series(bars)?
+            .label(name)
+            .legend(move |(x, y)| Rectangle::new([(x + 3, y - 5), (x + 13, y + 5)], colour.filled()));
+    }
+    chart.configure_series_labels().border_style(BLACK.mix(0.2)).background_style(WHITE).draw()?;
+    root.present()?;
+    Ok(())
+}
+
+/// Motion over time under constant loads around the limit.
+fn plot_creep(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let root = SVGBackend::new(path, (720, 300)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption("Motion of a gripped cube under a constant load, mm", ("sans-serif", 16))
+        .margin(10)
+        .x_label_area_size(36)
+        .y_label_area_size(48)
+        .build_cartesian_2d(0.0..2.0, 0.0..2.0)?;
+    chart.configure_mesh().x_desc("time, s").draw()?;
+    for (share, colour) in [(0.5, RGBColor(0, 158, 115)), (0.9, OURS), (0.99, THEIRS), (1.01, RGBColor(213, 94, 0))] {
+        chart
+            .draw_series(LineSeries::new(laws::motion_mm(share, 2.0), colour.stroke_width(2)))?
+            .label(format!("{:.0} % of 2 mu F", share * 100.0))
+            .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], colour.stroke_width(2)));
+    }
+    chart.configure_series_labels().border_style(BLACK.mix(0.2)).background_style(WHITE).draw()?;
+    root.present()?;
+    Ok(())
+}
