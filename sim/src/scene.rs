@@ -40,7 +40,7 @@ pub enum SceneError {
 pub struct Scene {
     /// The protocol.
     pub protocol: Protocol,
-    /// Friction coefficient of the pair: the object's own, else the protocol's.
+    /// Friction coefficient of the pair: the object's own, else the protocol's, times its scale.
     pub friction: f64,
     /// Mass of the object in the trial, kg.
     pub mass_kg: f64,
@@ -119,7 +119,8 @@ impl Scene {
             };
             parts.iter().map(shape).collect::<Result<Vec<_>, _>>()
         };
-        let friction = friction.or(object.friction).unwrap_or(protocol.friction);
+        let stated = friction.or(object.friction).unwrap_or(protocol.friction);
+        let friction = stated * protocol.friction_scale;
         Ok(Self {
             friction,
             grip_force_n: protocol.grip_force_on(mass.mass_kg, friction),

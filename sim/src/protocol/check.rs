@@ -42,6 +42,7 @@ impl Protocol {
         }
         let not_negative = [
             ("friction", self.friction),
+            ("friction_scale", self.friction_scale),
             ("closing_friction_scale", self.closing_friction_scale),
             ("friction_torsional_m", self.friction_torsional_m),
             ("standoff_m", self.standoff_m),

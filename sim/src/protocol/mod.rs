@@ -114,6 +114,9 @@ pub struct Protocol {
     pub dt_s: f64,
     /// Friction coefficient of the pair of hand and object; a value of the object wins over it.
     pub friction: f64,
+    /// The trial's friction as a share of the stated one, be it `friction` or the object's own: for
+    /// labels of an engine whose pads hold less than it says.
+    pub friction_scale: f64,
     /// Friction while the fingers close, as a multiple of `friction`.
     pub closing_friction_scale: f64,
     /// Least torsional friction of a pad as a lever arm, m: however small the contact, the pad
