@@ -1,8 +1,8 @@
 //! Who touches whom, where, and how hard?
 
+use crate::rapier::parry::query::TrackedContact;
+use crate::rapier::prelude::{ColliderHandle, ContactData, ContactManifold, PhysicsWorld};
 use nalgebra::{Point3, Vector3};
-use rapier3d::parry::query::TrackedContact;
-use rapier3d::prelude::{ColliderHandle, ContactData, ContactManifold, PhysicsWorld};
 
 use crate::convert;
 
@@ -77,7 +77,11 @@ fn for_each(
             for point in active(manifold) {
                 let impulse = f64::from(point.data.impulse);
                 if impulse > 0.0 {
-                    let local = if is_first { point.local_p1 } else { point.local_p2 };
+                    let local = if is_first {
+                        point.local_p1
+                    } else {
+                        point.local_p2
+                    };
                     let at = convert::from_vector(world_from_part.transform_point(local));
                     visit(Point3::from(at), normal, impulse);
                 }
@@ -89,5 +93,7 @@ fn for_each(
 /// The points that the solver saw. Others keep the impulse of the step that saw them last.
 fn active(manifold: &ContactManifold) -> impl Iterator<Item = &TrackedContact<ContactData>> {
     let seen = manifold.data.solver_contacts.iter();
-    seen.map(|c| &manifold.points[(c.contact_id[0] & !NEW_CONTACT) as usize])
+    // As wide as a real number: u32 or, with the feature `f64`, u64.
+    #[allow(clippy::unnecessary_cast)]
+    seen.map(|c| &manifold.points[(c.contact_id[0] as u32 & !NEW_CONTACT) as usize])
 }

@@ -1,11 +1,11 @@
 //! The border between f64 nalgebra (ours) and f32 glam (rapier's).
 
+use crate::rapier::math::{Pose, Real, Rotation, Vector};
+use crate::rapier::prelude::MassProperties;
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use rapier3d::math::{Pose, Rotation, Vector};
-use rapier3d::prelude::MassProperties;
 
 pub(crate) fn vector(v: &Vector3<f64>) -> Vector {
-    Vector::new(v.x as f32, v.y as f32, v.z as f32)
+    Vector::new(v.x as Real, v.y as Real, v.z as Real)
 }
 
 pub(crate) fn point(p: &Point3<f64>) -> Vector {
@@ -18,7 +18,7 @@ pub(crate) fn from_vector(v: Vector) -> Vector3<f64> {
 
 pub(crate) fn rotation(q: &UnitQuaternion<f64>) -> Rotation {
     let q = q.coords;
-    Rotation::from_xyzw(q.x as f32, q.y as f32, q.z as f32, q.w as f32)
+    Rotation::from_xyzw(q.x as Real, q.y as Real, q.z as Real, q.w as Real)
 }
 
 pub(crate) fn pose(p: &Isometry3<f64>) -> Pose {
@@ -53,7 +53,7 @@ pub(crate) fn mass_properties(
     let axes = nalgebra::Rotation3::from_matrix_unchecked(eigen.eigenvectors);
     MassProperties::with_principal_inertia_frame(
         point(com),
-        mass_kg as f32,
+        mass_kg as Real,
         vector(&moments),
         rotation(&UnitQuaternion::from_rotation_matrix(&axes)),
     )

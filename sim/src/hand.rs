@@ -1,8 +1,8 @@
 //! How do the fingers press? Equal forces on both, a speed limit while closing, and a spring that
 //! keeps them symmetric about the palm, as the rack and pinion of the real hand does.
 
+use crate::rapier::prelude::{PhysicsWorld, RigidBodyHandle};
 use nalgebra::Vector3;
-use rapier3d::prelude::{PhysicsWorld, RigidBodyHandle};
 
 use crate::convert;
 use crate::protocol::Solver;

@@ -4,6 +4,11 @@
 //! builds a fresh world in the hand's frame, closes the fingers, shakes, and ends in an
 //! [`Outcome`]. Nothing is shared between trials, so their order and thread do not matter.
 
+#[cfg(not(feature = "f64"))]
+use rapier3d as rapier;
+#[cfg(feature = "f64")]
+use rapier3d_f64 as rapier;
+
 mod approach;
 pub mod contact;
 mod convert;
@@ -25,8 +30,12 @@ pub use outcome::{Label, Outcome, Stage};
 pub use protocol::{Protocol, ProtocolError};
 pub use scene::{Scene, SceneError};
 pub use trace::{Frame, Trace};
-pub use world::ObjectLoad;
 pub use trial::{run_trial, run_trial_traced};
+pub use world::ObjectLoad;
 
 /// Version of the physics engine, part of every manifest.
-pub const ENGINE: &str = concat!("rapier3d ", "0.36.1");
+#[cfg(not(feature = "f64"))]
+pub const ENGINE: &str = "rapier3d 0.36.1";
+/// Version of the physics engine, part of every manifest.
+#[cfg(feature = "f64")]
+pub const ENGINE: &str = "rapier3d-f64 0.36.1";

@@ -209,7 +209,10 @@ mod tests {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
         let object_from_hand = Isometry3::from_parts(Translation3::identity(), turn);
         let force = groups(&p, 0.5, &object_from_hand)[0][0].object_force_n;
-        assert!((force - Vector3::new(0.0, 0.0, 9.81 * 0.5)).norm() < 1e-9, "{force}");
+        assert!(
+            (force - Vector3::new(0.0, 0.0, 9.81 * 0.5)).norm() < 1e-9,
+            "{force}"
+        );
     }
 
     #[test]

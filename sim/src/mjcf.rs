@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde_json::{Value, json};
-use shakedown_gripper_assets::gripper::Side;
 use shakedown_gripper_assets::Gripper;
+use shakedown_gripper_assets::gripper::Side;
 
 use crate::approach::start_opening_m;
 use crate::load::groups;
@@ -28,8 +28,15 @@ pub fn model(scene: &Scene, gripper: &Gripper, grasp: &Isometry3<f64>) -> String
     let mut assets = String::new();
     let mut object = String::new();
     for (i, piece) in scene.pieces_m.iter().enumerate() {
-        let _ = writeln!(assets, r#"    <mesh name="piece{i}" vertex="{}"/>"#, list(piece));
-        let _ = writeln!(object, r#"      <geom type="mesh" mesh="piece{i}" class="object"/>"#);
+        let _ = writeln!(
+            assets,
+            r#"    <mesh name="piece{i}" vertex="{}"/>"#,
+            list(piece)
+        );
+        let _ = writeln!(
+            object,
+            r#"      <geom type="mesh" mesh="piece{i}" class="object"/>"#
+        );
     }
     let mut palm = String::new();
     for (i, part) in gripper.palm.iter().enumerate() {
@@ -38,7 +45,10 @@ pub fn model(scene: &Scene, gripper: &Gripper, grasp: &Isometry3<f64>) -> String
             r#"    <mesh name="palm{i}" vertex="{}"/>"#,
             list(&part.corners())
         );
-        let _ = writeln!(palm, r#"      <geom type="mesh" mesh="palm{i}" class="hand"/>"#);
+        let _ = writeln!(
+            palm,
+            r#"      <geom type="mesh" mesh="palm{i}" class="hand"/>"#
+        );
     }
     let fingers: String = Side::BOTH
         .into_iter()
@@ -73,9 +83,20 @@ pub fn model(scene: &Scene, gripper: &Gripper, grasp: &Isometry3<f64>) -> String
   <actuator><motor name="left" joint="left"/><motor name="right" joint="right"/></actuator>
 </mujoco>
 "#,
-        t.x, t.y, t.z, q.w, q.x, q.y, q.z,
+        t.x,
+        t.y,
+        t.z,
+        q.w,
+        q.x,
+        q.y,
+        q.z,
         scene.mass_kg,
-        i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)],
+        i[(0, 0)],
+        i[(1, 1)],
+        i[(2, 2)],
+        i[(0, 1)],
+        i[(0, 2)],
+        i[(1, 2)],
         friction = scene.friction,
         torsion = p.friction_torsional_m,
         condim = if p.friction_torsional_m > 0.0 { 4 } else { 3 },

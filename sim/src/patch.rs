@@ -7,11 +7,11 @@
 //! 0.25 l instead of 0.5 l. The centre of pressure follows the load, so the face still tips only
 //! over its true edge.
 
-use nalgebra::{Isometry3, Point3};
-use rapier3d::math::Vector;
-use rapier3d::prelude::{
+use crate::rapier::math::{Real, Vector};
+use crate::rapier::prelude::{
     ActiveHooks, ContactModificationContext, PhysicsHooks, RigidBodyHandle,
 };
+use nalgebra::{Isometry3, Point3};
 
 use crate::contact::FingerContact;
 use crate::convert;
@@ -22,7 +22,7 @@ const FOLLOW: f64 = 0.3;
 
 /// The contact model of the pads.
 pub(crate) struct Patch {
-    scale: f32,
+    scale: Real,
     fingers: [RigidBodyHandle; 2],
     /// Centre of pressure of each finger in the hand, metres.
     hand_centre_m: [Option<Point3<f64>>; 2],
@@ -33,7 +33,7 @@ pub(crate) struct Patch {
 impl Patch {
     pub(crate) fn new(scale: f64) -> Self {
         Self {
-            scale: scale as f32,
+            scale: scale as Real,
             fingers: [RigidBodyHandle::invalid(); 2],
             hand_centre_m: [None; 2],
             centre_m: [None; 2],

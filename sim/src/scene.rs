@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use crate::rapier::math::{Pose, Real};
+use crate::rapier::prelude::{MassProperties, SharedShape, TriMeshFlags};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
-use rapier3d::math::Pose;
-use rapier3d::prelude::{MassProperties, SharedShape, TriMeshFlags};
 use shakedown_gripper_assets::{Gripper, Part};
 use shakedown_objects::penetration::Intruder;
 use shakedown_objects::pieces::{PieceSettings, decompose_cached};
@@ -12,6 +12,9 @@ use shakedown_objects::{ConvexBody, Object, Surface};
 
 use crate::convert;
 use crate::protocol::{ObjectContact, ObjectMass, Protocol};
+
+/// Corners of convex pieces.
+type Pieces = Vec<Vec<Point3<f64>>>;
 
 /// Why no scene can be made of an object and a hand.
 #[derive(Debug, thiserror::Error)]
@@ -58,7 +61,7 @@ pub struct Scene {
     /// What the fingers meet.
     pub(crate) object_shape: SharedShape,
     /// Corners of the convex pieces, centre of mass at the origin.
-    pub(crate) pieces_m: Vec<Vec<Point3<f64>>>,
+    pub(crate) pieces_m: Pieces,
     /// What the palm meets: always convex pieces, as nothing is gripped there.
     pub(crate) object_pieces: SharedShape,
     /// Convex parts, each a collider of its own: parry mends the contacts of a triangle surface at
@@ -112,9 +115,11 @@ impl Scene {
             .collect::<Result<Vec<_>, _>>()?;
         let shapes = |parts: &[Part], edge_m: f64| {
             let shape = |part: &Part| {
-                part_shape(part, edge_m, is_tip(part, gripper)).ok_or_else(|| SceneError::FlatPart {
-                    gripper: gripper.name.clone(),
-                    part: part.name.clone(),
+                part_shape(part, edge_m, is_tip(part, gripper)).ok_or_else(|| {
+                    SceneError::FlatPart {
+                        gripper: gripper.name.clone(),
+                        part: part.name.clone(),
+                    }
                 })
             };
             parts.iter().map(shape).collect::<Result<Vec<_>, _>>()
@@ -163,7 +168,7 @@ impl Scene {
 fn part_shape(part: &Part, edge_m: f64, is_tip: bool) -> Option<(Pose, SharedShape)> {
     if part.cuboid.is_some() {
         let (pose, half) = trimmed_box(part, edge_m, is_tip)?;
-        let half = half.map(|s| s as f32);
+        let half = half.map(|s| s as Real);
         let shape = SharedShape::cuboid(half.x, half.y, half.z);
         return Some((convert::pose(&pose), shape));
     }
@@ -211,7 +216,7 @@ fn pieces_shape(
     com: &Point3<f64>,
     protocol: &Protocol,
     cache: Option<&Path>,
-) -> Result<(SharedShape, Vec<Vec<Point3<f64>>>), SceneError> {
+) -> Result<(SharedShape, Pieces), SceneError> {
     // For the palm alone, where nothing is gripped, a coarse cut is enough.
     let finest = match protocol.solver.object_contact {
         ObjectContact::Pieces => u32::MAX,
@@ -222,7 +227,7 @@ fn pieces_shape(
         concavity: protocol.solver.piece_concavity,
         max_pieces: protocol.solver.piece_max,
     };
-    let pieces: Vec<Vec<Point3<f64>>> = decompose_cached(object.surface.mesh(), &settings, cache)
+    let pieces: Pieces = decompose_cached(object.surface.mesh(), &settings, cache)
         .into_iter()
         .map(|piece| piece.iter().map(|p| p - com.coords).collect())
         .collect();

@@ -2,9 +2,9 @@
 //! at the end. World frame = the hand's frame at the start, so that a rigid motion of the whole
 //! scene cannot change a bit.
 
+use crate::rapier::math::{Pose, Real, Vector};
+use crate::rapier::prelude::*;
 use nalgebra::{Isometry3, Vector3};
-use rapier3d::math::{Pose, Vector};
-use rapier3d::prelude::*;
 use shakedown_gripper_assets::gripper::Side;
 
 use crate::contact::{self, FingerContact};
@@ -53,7 +53,7 @@ impl World {
             integration_parameters: parameters(scene),
             ..PhysicsWorld::default()
         };
-        let friction = (scene.friction * scene.protocol.closing_friction_scale) as f32;
+        let friction = (scene.friction * scene.protocol.closing_friction_scale) as Real;
         let mut patch = Patch::new(scene.protocol.solver.patch_scale);
         let hooks = patch.hooks();
         let meets =
@@ -73,7 +73,7 @@ impl World {
             physics.insert_collider(collider, Some(palm));
         }
         let solver = &scene.protocol.solver;
-        let half_opening = (scene.opening_max_m / 2.0) as f32;
+        let half_opening = (scene.opening_max_m / 2.0) as Real;
         let mut fingers = [RigidBodyHandle::invalid(); 2];
         let mut finger_colliders = [const { Vec::new() }; 2];
         for (i, side) in Side::BOTH.into_iter().enumerate() {
@@ -81,9 +81,9 @@ impl World {
                 Side::Left => Rotation::IDENTITY,
                 Side::Right => Rotation::from_xyzw(0.0, 0.0, 1.0, 0.0),
             };
-            let outwards = side.sign() as f32;
-            let shift = Vector::new(outwards * (opening_m / 2.0) as f32, 0.0, 0.0);
-            let speed = scene.protocol.closing_speed_m_s as f32;
+            let outwards = side.sign() as Real;
+            let shift = Vector::new(outwards * (opening_m / 2.0) as Real, 0.0, 0.0);
+            let speed = scene.protocol.closing_speed_m_s as Real;
             let mass = solver.finger_mass_kg;
             // A finger only slides. With its mass behind the pad and a large moment of inertia the
             // contact sees that mass alone, and the slider has no torque to balance: with the mass
@@ -115,7 +115,7 @@ impl World {
         patch.set_fingers(fingers);
         let object_from_body = scene.object_from_body();
         let world_from_body = object_from_hand.inverse() * object_from_body;
-        let damping = scene.protocol.object_damping_1_s as f32;
+        let damping = scene.protocol.object_damping_1_s as Real;
         let object = physics.insert_body(
             RigidBodyBuilder::dynamic()
                 .pose(convert::pose(&world_from_body))
@@ -155,14 +155,14 @@ impl World {
     pub(crate) fn limit_speed(&mut self, scene: &Scene, force_n: f64, speed_m_s: f64) {
         let damping = force_n / (scene.protocol.solver.finger_mass_kg * speed_m_s);
         for finger in self.fingers {
-            self.physics.bodies[finger].set_linear_damping(damping as f32);
+            self.physics.bodies[finger].set_linear_damping(damping as Real);
         }
     }
 
     /// Ends the closing: no damping of the object any more, gravity as the protocol has it.
     pub(crate) fn release(&mut self, gravity_m_s2: &Vector3<f64>, friction: f64) {
         for (_, collider) in self.physics.colliders.iter_mut() {
-            collider.set_friction(friction as f32);
+            collider.set_friction(friction as Real);
         }
         let object = &mut self.physics.bodies[self.object];
         object.set_linear_damping(0.0);
@@ -202,7 +202,12 @@ impl World {
         self.physics.step_with_events(&self.patch, &());
         let (physics, object) = (&self.physics, self.object_collider);
         self.touch = [0, 1].map(|i| {
-            contact::of_finger(physics, &self.finger_colliders[i], object, scene.protocol.dt_s)
+            contact::of_finger(
+                physics,
+                &self.finger_colliders[i],
+                object,
+                scene.protocol.dt_s,
+            )
         });
         self.patch.follow(&self.touch, &self.world_from_hand());
     }
@@ -277,10 +282,10 @@ impl World {
 fn parameters(scene: &Scene) -> IntegrationParameters {
     let p = &scene.protocol;
     let s = &p.solver;
-    let softness = SpringCoefficients::new(s.contact_hz as f32, s.contact_damping_ratio as f32);
+    let softness = SpringCoefficients::new(s.contact_hz as Real, s.contact_damping_ratio as Real);
     let length_unit = 0.05;
     IntegrationParameters {
-        dt: p.dt_s as f32,
+        dt: p.dt_s as Real,
         num_solver_iterations: s.iterations,
         contact_softness: softness,
         static_contact_softness: softness,
@@ -291,8 +296,8 @@ fn parameters(scene: &Scene) -> IntegrationParameters {
         warmstart_joints: true,
         length_unit,
         normalized_allowed_linear_error: 0.0002 / length_unit,
-        normalized_prediction_distance: s.prediction_m as f32 / length_unit,
-        normalized_max_corrective_velocity: s.corrective_speed_m_s as f32 / length_unit,
+        normalized_prediction_distance: s.prediction_m as Real / length_unit,
+        normalized_max_corrective_velocity: s.corrective_speed_m_s as Real / length_unit,
         max_ccd_substeps: 0,
         ..IntegrationParameters::default()
     }

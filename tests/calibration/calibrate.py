@@ -16,8 +16,7 @@ from pathlib import Path
 
 GRID = {
     "friction_scale": [0.2, 0.25, 0.3],
-    "finger_edge_m": [0.0, 0.004, 0.006],
-    "grip_force_per_kg_n": [300.0, 770.0],
+    "finger_edge_m": [0.0, 0.0045, 0.006],
 }
 
 

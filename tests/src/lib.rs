@@ -1,6 +1,8 @@
 //! What the tests of the whole share: where the real data lies, and how to say that it does not.
 
 pub mod laws;
+pub mod measure;
+pub mod rig;
 
 use std::path::{Path, PathBuf};
 

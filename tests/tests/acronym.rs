@@ -1,9 +1,12 @@
 //! Real data: readers, mass properties and geometry over the files of ACRONYM.
 
+use std::path::Path;
+
 use nalgebra::Translation3;
 use shakedown_classifier::{HandModel, Thresholds, classify};
 use shakedown_gripper_assets::io::acronym_h5::read_motions;
 use shakedown_gripper_assets::{Gripper, ReadOptions, read_grasps};
+use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_tests::{SAMPLE_MUG, acronym_object, files, shared};
 
 #[test]
@@ -198,4 +201,59 @@ fn every_household_mesh_is_read() {
         }
     }
     assert_eq!(count, 36);
+}
+
+/// The first grasps of every `step`-th file, tried under the preset with constants set.
+fn held_and_labels(root: &Path, step: usize, per_file: usize, sets: &[&str]) -> Vec<(bool, bool)> {
+    let split = root.join("acronym/seen");
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let sets: Vec<String> = sets.iter().map(|s| (*s).to_owned()).collect();
+    let protocol = Protocol::load("acronym", &sets).unwrap();
+    let paths = files(&split.join("grasps"), "h5");
+    let chosen: Vec<_> = paths.iter().step_by(step).collect();
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let try_files = |paths: &[&std::path::PathBuf]| -> Vec<(bool, bool)> {
+        let mut found = Vec::new();
+        for path in paths {
+            let file = read_grasps(path, &ReadOptions::default()).unwrap();
+            let object = acronym_object(&split, &file);
+            let scene =
+                Scene::new(&object, &gripper, &protocol, file.object.friction, None).unwrap();
+            // Grasps come sorted by nothing; every 97th avoids neighbours of one candidate.
+            for grasp in file.grasps.iter().step_by(97).take(per_file) {
+                let held = run_trial(&scene, &grasp.object_from_hand).is_held();
+                found.push((held, grasp.label.unwrap()));
+            }
+        }
+        found
+    };
+    let share = chosen.len().div_ceil(threads);
+    std::thread::scope(|scope| {
+        let jobs: Vec<_> = chosen
+            .chunks(share)
+            .map(|paths| scope.spawn(move || try_files(paths)))
+            .collect();
+        jobs.into_iter().flat_map(|j| j.join().unwrap()).collect()
+    })
+}
+
+#[test]
+fn the_calibrated_trial_agrees_with_flex_and_half_the_time_step_changes_almost_no_verdict() {
+    let Some(root) = shared("the_calibrated_trial_agrees_with_flex") else {
+        return;
+    };
+    let coarse = held_and_labels(&root, 10, 12, &[]);
+    let fine = held_and_labels(&root, 10, 12, &["dt_s=0.001"]);
+    let share = |label: bool| {
+        let of: Vec<_> = coarse.iter().filter(|(_, l)| *l == label).collect();
+        of.iter().filter(|(h, l)| h == l).count() as f64 / of.len() as f64
+    };
+    let balanced = (share(true) + share(false)) / 2.0;
+    assert!(balanced > 0.70, "balanced accuracy {balanced}");
+    let same = coarse.iter().zip(&fine).filter(|(a, b)| a.0 == b.0).count();
+    assert!(
+        same as f64 >= 0.93 * coarse.len() as f64,
+        "{same} of {}",
+        coarse.len()
+    );
 }

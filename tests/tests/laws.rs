@@ -6,11 +6,12 @@ use shakedown_objects::shapes::Family;
 use shakedown_objects::{Object, ObjectSpec, TriMesh};
 use shakedown_sampler::{AntipodalSettings, sample_antipodal};
 use shakedown_sim::{Label, Outcome, Protocol, Scene, run_trial, run_trial_traced};
-use shakedown_tests::laws::{self, block, centred};
+use shakedown_tests::rig::{block, centred};
+use shakedown_tests::{laws, measure, rig};
 
 fn scene(object: &Object, sets: &[&str]) -> Scene {
     let sets: Vec<String> = sets.iter().map(|s| (*s).to_owned()).collect();
-    laws::scene(object, &sets)
+    rig::scene(object, &sets)
 }
 
 #[test]
@@ -22,18 +23,18 @@ fn every_law_of_the_validation_page_holds() {
 #[test]
 fn the_friction_limit_is_the_same_on_curved_and_on_flat_faces_and_nothing_creeps_below_it() {
     // Contact clustering once let round objects creep by a millimetre a second at half the limit.
-    for object in [laws::cylinder(0.025, 0.06, 0.1), laws::ball(0.02, 0.05)] {
-        let scene = laws::gripped(&object, 0.5, 10.0, &[]);
-        let creep = laws::creep_mm_s(&scene, 0.5);
+    for object in [rig::cylinder(0.025, 0.06, 0.1), rig::ball(0.02, 0.05)] {
+        let scene = rig::gripped(&object, 0.5, 10.0, &[]);
+        let creep = measure::creep_mm_s(&scene, 0.5);
         assert!(creep < 0.01, "{creep} mm/s");
     }
 }
 
 #[test]
 fn a_ball_holds_against_the_stated_torsion_and_spins_beyond_it() {
-    let ball = laws::ball(0.02, 0.05);
-    let scene = laws::gripped(&ball, 0.5, 20.0, &["friction_torsional_m=0.004"]);
-    let lever = laws::twist_lever_mm(&scene, 25.0);
+    let ball = rig::ball(0.02, 0.05);
+    let scene = rig::gripped(&ball, 0.5, 20.0, &["friction_torsional_m=0.004"]);
+    let lever = measure::twist_lever_mm(&scene, 25.0);
     assert!((3.6..5.0).contains(&lever), "{lever} mm");
 }
 

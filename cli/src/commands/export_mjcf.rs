@@ -61,7 +61,12 @@ pub fn run(global: &Global, args: &ExportMjcfArgs) -> Result<Exit, Failure> {
     }
     progress::note(
         global,
-        &format!("{} trials of {} in {}", args.grasp.len(), item.id, args.out.display()),
+        &format!(
+            "{} trials of {} in {}",
+            args.grasp.len(),
+            item.id,
+            args.out.display()
+        ),
     );
     Ok(Exit::Success)
 }

@@ -10,11 +10,20 @@ use super::Protocol;
 const DEFAULTS: &str = include_str!("../../protocols/defaults.toml");
 const BUILT_IN: [(&str, &str); 9] = [
     ("acronym", include_str!("../../protocols/acronym.toml")),
-    ("acronym-stated", include_str!("../../protocols/acronym-stated.toml")),
+    (
+        "acronym-stated",
+        include_str!("../../protocols/acronym-stated.toml"),
+    ),
     ("se3dif", include_str!("../../protocols/se3dif.toml")),
-    ("graspdatagen", include_str!("../../protocols/graspdatagen.toml")),
+    (
+        "graspdatagen",
+        include_str!("../../protocols/graspdatagen.toml"),
+    ),
     ("dgb-fc", include_str!("../../protocols/dgb-fc.toml")),
-    ("mgg-gravity", include_str!("../../protocols/mgg-gravity.toml")),
+    (
+        "mgg-gravity",
+        include_str!("../../protocols/mgg-gravity.toml"),
+    ),
     ("lift", include_str!("../../protocols/lift.toml")),
     ("hardness", include_str!("../../protocols/hardness.toml")),
     ("hold", include_str!("../../protocols/hold.toml")),
@@ -61,14 +70,18 @@ impl Protocol {
         let (_, text) = BUILT_IN.iter().find(|(n, _)| *n == name)?;
         let own: toml::Table = text.parse().expect("the preset parses");
         let own: Vec<String> = flatten(&own).into_iter().map(|(k, _)| k).collect();
-        let (top, solver) = DEFAULTS.split_once("[solver]").expect("defaults have a solver");
+        let (top, solver) = DEFAULTS
+            .split_once("[solver]")
+            .expect("defaults have a solver");
         let (own_top, own_solver) = text.split_once("[solver]").unwrap_or((text, ""));
         let kept = |lines: &str, prefix: &str| -> String {
             lines
                 .lines()
-                .filter(|line| line.split_once(" = ").is_some_and(|(key, _)| {
-                    !line.starts_with('#') && !own.contains(&format!("{prefix}{key}"))
-                }))
+                .filter(|line| {
+                    line.split_once(" = ").is_some_and(|(key, _)| {
+                        !line.starts_with('#') && !own.contains(&format!("{prefix}{key}"))
+                    })
+                })
                 .map(|line| format!("{line}\n"))
                 .collect()
         };
@@ -93,13 +106,12 @@ impl Protocol {
                 source,
             })?
         } else {
-            let (_, text) = BUILT_IN
-                .iter()
-                .find(|(n, _)| *n == name)
-                .ok_or_else(|| ProtocolError::Unknown {
+            let (_, text) = BUILT_IN.iter().find(|(n, _)| *n == name).ok_or_else(|| {
+                ProtocolError::Unknown {
                     name: name.to_owned(),
                     hint: nearest(name, Self::names()),
-                })?;
+                }
+            })?;
             (*text).to_owned()
         };
         Self::parse(&text, name, overrides)
