@@ -108,9 +108,15 @@ fn a_run_writes_every_file_of_the_contract_and_repeats_its_bytes() {
         serde_json::from_slice(&fs::read(d.join("one/manifest.json")).unwrap()).unwrap();
     assert_eq!(manifest["protocol"]["friction"], 1.0);
     assert_eq!(manifest["protocol"]["solver.iterations"], 8);
-    // Sorted by object and grasp, one row per grasp, 28 columns.
+    // Sorted by object and grasp, one row per grasp; 28 columns of the contract, then ours.
     let mut reader = csv::Reader::from_path(d.join("one/trials.csv")).unwrap();
-    assert_eq!(reader.headers().unwrap().len(), 28);
+    let headers: Vec<String> = reader
+        .headers()
+        .unwrap()
+        .iter()
+        .map(str::to_owned)
+        .collect();
+    assert_eq!(headers[27..], ["p_hold", "stage", "margin_g"]);
     let keys: Vec<(String, u64)> = reader
         .records()
         .map(|r| r.unwrap())
@@ -575,4 +581,41 @@ fn a_hundred_thousand_poses_stream_through_a_small_memory() {
     );
     let rows = fs::read_to_string(d.join("r/trials.csv")).unwrap();
     assert_eq!(rows.lines().count(), 100_001);
+}
+
+#[test]
+fn a_trial_is_exported_to_mujoco_with_its_schedule() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    ok(
+        d,
+        &[
+            "export-mjcf",
+            "--objects",
+            "embedded",
+            "--filter",
+            "^bottle_0$",
+            "--candidates",
+            "3",
+            "--grasp",
+            "1",
+            "2",
+            "--out",
+            "mjcf",
+        ],
+    );
+    for grasp in ["1", "2"] {
+        let xml = fs::read_to_string(d.join("mjcf").join(grasp).join("trial.xml")).unwrap();
+        for part in [
+            "<body name=\"object\"",
+            "<joint name=\"left\"",
+            "mesh=\"piece0\"",
+        ] {
+            assert!(xml.contains(part), "{part} in {xml}");
+        }
+        let trial = fs::read(d.join("mjcf").join(grasp).join("trial.json")).unwrap();
+        let trial: serde_json::Value = serde_json::from_slice(&trial).unwrap();
+        // Two shakes of a second and a hold of 0.2 s, every 2 ms.
+        assert_eq!(trial["schedule"][0].as_array().unwrap().len(), 1100);
+    }
 }

@@ -249,6 +249,7 @@ fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::ObjectContact;
 
     #[test]
     fn every_preset_loads_under_its_name_and_names_all_constants() {
