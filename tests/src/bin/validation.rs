@@ -30,7 +30,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .replace("{{cross_engine}}", &cross_engine(&data)?)
         .replace("{{agreement}}", &agreement(&data)?)
         .replace("{{calibration}}", &calibration(&data)?)
-        .replace("{{signature}}", &signature(&data)?);
+        .replace("{{signature}}", &signature(&data)?)
+        .replace("{{steps}}", &steps(&data)?);
     fs::write(docs.join("validation.md"), page)?;
     println!(
         "{} laws, {broken} broken: docs/validation.md",
@@ -178,6 +179,19 @@ fn calibration(data: &Path) -> io::Result<String> {
             row["fn"],
             row["tn"]
         );
+    }
+    Ok(out)
+}
+
+/// What a change of the engine's settings does to verdicts.
+fn steps(data: &Path) -> io::Result<String> {
+    let lines = read(&data.join("steps.json"))?;
+    let mut out = String::new();
+    for line in lines.as_array().into_iter().flatten() {
+        let (n, same) = (&line["n"], &line["same"]);
+        let share = same.as_f64().unwrap_or(f64::NAN) / n.as_f64().unwrap_or(f64::NAN);
+        let change = line["change"].as_str().unwrap_or("?");
+        let _ = writeln!(out, "| {change} | {n} | {:.1} % |", share * 100.0);
     }
     Ok(out)
 }
