@@ -7,7 +7,7 @@ use shakedown_objects::surface::{LANES, Lanes};
 
 use crate::scene::Scene;
 
-/// Free air left before the first touch, metres: contacts are prepared two millimetres ahead, and
+/// Free air left before the first touch, metres: contacts are prepared half a millimetre ahead, and
 /// the fingers must have found their speed by then.
 const MARGIN_M: f64 = 0.004;
 
