@@ -4,7 +4,8 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use shakedown_gripper_assets::{GraspFormat, HandFrame};
+use shakedown_gripper_assets::{GraspFormat, Gripper, HandFrame, ReadOptions};
+use shakedown_sim::{Protocol, ProtocolError};
 
 /// Does this grasp hold? Simulated grasp trials, regression benchmarking, candidate ranking.
 ///
@@ -196,12 +197,8 @@ pub struct RunArgs {
     pub source: SourceArgs,
     #[command(flatten)]
     pub object: ObjectArgs,
-    /// The protocol: a name or a TOML file
-    #[arg(long, default_value = "acronym", value_name = "NAME|FILE")]
-    pub protocol: String,
-    /// Override one constant of the protocol
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
     /// At most N grasps per object: a random subset that depends on the seed; N grows by adding
     #[arg(long, value_name = "N")]
     pub limit: Option<u64>,
@@ -265,18 +262,42 @@ pub struct BenchArgs {
     /// Where the mesh path inside an ACRONYM file starts
     #[arg(long, value_name = "DIR")]
     pub mesh_root: Option<PathBuf>,
-    /// The protocol
-    #[arg(long, default_value = "acronym")]
-    pub protocol: String,
-    /// Override one constant of the protocol
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
 }
 
 #[derive(Args)]
 pub struct CompletionsArgs {
     /// Shell
     pub shell: clap_complete::Shell,
+}
+
+/// How a trial goes.
+#[derive(Args, Clone)]
+pub struct ProtocolArgs {
+    /// The protocol: a name or a TOML file
+    #[arg(long, default_value = "acronym", value_name = "NAME|FILE")]
+    pub protocol: String,
+    /// Override one constant of the protocol
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+impl ProtocolArgs {
+    pub fn load(&self) -> Result<Protocol, ProtocolError> {
+        Protocol::load(&self.protocol, &self.set)
+    }
+}
+
+impl SourceArgs {
+    /// How grasp files are read for this hand.
+    pub fn read_options(&self, gripper: &Gripper) -> ReadOptions {
+        ReadOptions {
+            format: self.grasp_format,
+            frame: self.frame,
+            tcp_z_m: gripper.tcp_z_m,
+        }
+    }
 }
 
 /// Which trial is written, and where.
@@ -286,12 +307,8 @@ pub struct ExportMjcfArgs {
     pub source: SourceArgs,
     #[command(flatten)]
     pub object: ObjectArgs,
-    /// The protocol: a name or a TOML file
-    #[arg(long, default_value = "acronym", value_name = "NAME|FILE")]
-    pub protocol: String,
-    /// Override one constant of the protocol
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
     /// Numbers of the grasps within the object; several make a folder each
     #[arg(long, num_args = 1.., default_value = "0", value_name = "N")]
     pub grasp: Vec<u64>,

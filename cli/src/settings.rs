@@ -25,7 +25,7 @@ impl Settings {
     pub fn resolve(args: &RunArgs) -> Result<Self, Failure> {
         let gripper = Gripper::load(&args.source.gripper)?;
         let hand = HandModel::new(&gripper, gripper.opening_max_m)?;
-        let protocol = Protocol::load(&args.protocol, &args.set)?;
+        let protocol = args.protocol.load()?;
         if let Some(mu) = args.object.friction
             && !(mu.is_finite() && mu >= 0.0)
         {

@@ -18,8 +18,6 @@ pub struct FingerContact {
     pub touches: bool,
     /// Centre of pressure in the world, metres; only meaningful where it touches.
     pub centre_m: Point3<f64>,
-    /// Mean distance of the pressing points from the centre of pressure, weighted by force, metres.
-    pub reach_m: f64,
 }
 
 /// No contact.
@@ -27,7 +25,6 @@ pub(crate) const NONE: FingerContact = FingerContact {
     force_n: Vector3::new(0.0, 0.0, 0.0),
     touches: false,
     centre_m: Point3::new(0.0, 0.0, 0.0),
-    reach_m: 0.0,
 };
 
 /// Reads the contact between a finger's colliders and the object. Impulses are those of the solver,
@@ -46,16 +43,26 @@ pub(crate) fn of_finger(
         total += impulse;
     });
     let centre_m = Point3::from(moment / f64::max(total, 1e-12));
-    let mut spread = 0.0;
-    for_each(world, finger, object, |point, _, impulse| {
-        spread += (point - centre_m).norm() * impulse;
-    });
     FingerContact {
         force_n,
         touches: total > 0.0,
         centre_m,
-        reach_m: spread / f64::max(total, 1e-12),
     }
+}
+
+/// Mean distance of the pressing points of a finger from a centre, weighted by force, metres.
+pub(crate) fn reach_m(
+    world: &PhysicsWorld,
+    finger: &[ColliderHandle],
+    object: ColliderHandle,
+    centre_m: &Point3<f64>,
+) -> f64 {
+    let (mut total, mut spread) = (0.0, 0.0);
+    for_each(world, finger, object, |point, _, impulse| {
+        spread += (point - centre_m).norm() * impulse;
+        total += impulse;
+    });
+    spread / f64::max(total, 1e-12)
 }
 
 /// Calls `visit(point, normal towards the object, impulse)` for every pressing point.

@@ -29,29 +29,32 @@ impl Torsion {
         self.lever_m > 0.0
     }
 
-    /// Torque on the object in the next step, N m, world axes. `inertia` is the object's moment
+    /// Torque on the object in the next step, N m, world axes. `own_lever_m` is the lever arm that
+    /// the engine gives each finger's contact by itself; `inertia` is the object's moment
     /// of inertia about the closing axis, `spin` its angular velocity relative to the hand.
     pub(crate) fn torque_n_m(
         &mut self,
         contacts: &[FingerContact; 2],
+        own_lever_m: &[f64; 2],
         friction: f64,
         inertia_kg_m2: f64,
         spin_rad_s: &Vector3<f64>,
-        patch_scale: f64,
         dt_s: f64,
     ) -> Vector3<f64> {
         // As stiff and damped as an explicit spring shared by two fingers stays stable.
         let stiffness = 0.4 * inertia_kg_m2 / (dt_s * dt_s);
         let damping = 0.4 * inertia_kg_m2 / dt_s;
         let mut total = Vector3::zeros();
-        for (twist, contact) in self.twist_rad.iter_mut().zip(contacts) {
+        for ((twist, contact), own_lever_m) in
+            self.twist_rad.iter_mut().zip(contacts).zip(own_lever_m)
+        {
             let force = contact.force_n.norm();
             if force == 0.0 {
                 *twist = 0.0;
                 continue;
             }
             let normal = contact.force_n / force;
-            let limit = friction * force * (self.lever_m - patch_scale * contact.reach_m).max(0.0);
+            let limit = friction * force * (self.lever_m - own_lever_m).max(0.0);
             let rate = spin_rad_s.dot(&normal);
             *twist += rate * dt_s;
             let wanted = stiffness * *twist + damping * rate;

@@ -223,9 +223,20 @@ impl World {
             .rotation
             .inverse_transform_vector(&closing_axis);
         let inertia = axis.dot(&(scene.object_inertia_kg_m2 * axis));
-        let patch_scale = scene.protocol.solver.patch_scale;
-        self.torsion
-            .torque_n_m(&contacts, scene.friction, inertia, &spin, patch_scale, dt_s)
+        let own_lever_m = [0, 1].map(|i| {
+            let parts = &self.finger_colliders[i];
+            let centre_m = &contacts[i].centre_m;
+            let reach_m = contact::reach_m(&self.physics, parts, self.object_collider, centre_m);
+            scene.protocol.solver.patch_scale * reach_m
+        });
+        self.torsion.torque_n_m(
+            &contacts,
+            &own_lever_m,
+            scene.friction,
+            inertia,
+            &spin,
+            dt_s,
+        )
     }
 
     /// Contact of the left and of the right finger in the last step.

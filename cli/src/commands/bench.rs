@@ -24,7 +24,7 @@ struct Measured {
 
 pub fn run(global: &Global, args: &BenchArgs) -> Result<Exit, Failure> {
     let gripper = Gripper::load("franka_panda")?;
-    let protocol = Protocol::load(&args.protocol, &args.set)?;
+    let protocol = args.protocol.load()?;
     let (object, grasps) = subject(global, args, &gripper)?;
     let mut results = geometry(&object, &gripper, &grasps)?;
     results.extend(physics(&object, &gripper, &protocol, &grasps)?);

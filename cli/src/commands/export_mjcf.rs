@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use shakedown_gripper_assets::{Grasp, Gripper, ReadOptions};
-use shakedown_sim::{Protocol, Scene, mjcf};
+use shakedown_gripper_assets::{Grasp, Gripper};
+use shakedown_sim::{Scene, mjcf};
 
 use crate::args::{ExportMjcfArgs, Global};
 use crate::failure::{Exit, Failure};
@@ -15,7 +15,7 @@ use crate::settings::Source;
 
 pub fn run(global: &Global, args: &ExportMjcfArgs) -> Result<Exit, Failure> {
     let gripper = Gripper::load(&args.source.gripper)?;
-    let protocol = Protocol::load(&args.protocol, &args.set)?;
+    let protocol = args.protocol.load()?;
     let source = Source::resolve(&args.source)?;
     let plan = Plan::new(&args.source, &args.object)?;
     let [item] = plan.items.as_slice() else {
@@ -24,11 +24,7 @@ pub fn run(global: &Global, args: &ExportMjcfArgs) -> Result<Exit, Failure> {
             plan.items.len()
         )));
     };
-    let options = ReadOptions {
-        format: args.source.grasp_format,
-        frame: args.source.frame,
-        tcp_z_m: gripper.tcp_z_m,
-    };
+    let options = args.source.read_options(&gripper);
     let object = item.load(&args.object, &options)?;
     let selected = grasps::of_item(
         item,

@@ -26,11 +26,7 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
     let settings = Settings::resolve(args)?;
     let source = Source::resolve(&args.source)?;
     let mut plan = Plan::new(&args.source, &args.object)?;
-    let options = ReadOptions {
-        format: args.source.grasp_format,
-        frame: args.source.frame,
-        tcp_z_m: settings.gripper.tcp_z_m,
-    };
+    let options = args.source.read_options(&settings.gripper);
     let job = Job {
         global,
         args,

@@ -2,9 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use shakedown_gripper_assets::{
-    GraspFile, GraspFormat, Gripper, ObjectReference, ReadOptions, write_grasps,
-};
+use shakedown_gripper_assets::{GraspFile, GraspFormat, Gripper, ObjectReference, write_grasps};
 
 use crate::args::{Global, SampleArgs};
 use crate::failure::{Exit, Failure};
@@ -17,11 +15,7 @@ pub fn run(global: &Global, args: &SampleArgs) -> Result<Exit, Failure> {
     let gripper = Gripper::load(&args.source.gripper)?;
     let source = Source::resolve(&args.source)?;
     let plan = Plan::new(&args.source, &args.object)?;
-    let options = ReadOptions {
-        format: args.source.grasp_format,
-        frame: args.source.frame,
-        tcp_z_m: gripper.tcp_z_m,
-    };
+    let options = args.source.read_options(&gripper);
     let format = match args.out_format {
         Some(f) => f,
         None => by_extension(&args.out),
