@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use shakedown_gripper_assets::{GraspFormat, Gripper, HandFrame, ReadOptions};
+use shakedown_report::results::Metric;
 use shakedown_sim::{Protocol, ProtocolError};
 
 /// Does this grasp hold? Simulated grasp trials, regression benchmarking, candidate ranking.
@@ -16,7 +17,7 @@ use shakedown_sim::{Protocol, ProtocolError};
     version,
     args_conflicts_with_subcommands = true,
     after_help = "Exit codes: 0 success, 1 internal error, 2 usage, 3 bad input, 4 nothing to do, \
-5 incomplete (--keep-going).\n\nExample:\n  shakedown run --grasps my_grasps.csv --mesh mug.obj --frame tcp --out runs/mug"
+5 incomplete, 100 regression found.\n\nExample:\n  shakedown run --grasps my_grasps.csv --mesh mug.obj --frame tcp --out runs/mug"
 )]
 pub struct Cli {
     #[command(flatten)]
@@ -78,6 +79,11 @@ pub enum Command {
         after_help = "Example:\n  shakedown classify --grasps poses.csv --mesh mug.obj --frame tcp --out runs/mug_geometry"
     )]
     Classify(RunArgs),
+    /// Compare two runs grasp by grasp, and fail if the new one is worse
+    #[command(
+        after_help = "Examples:\n  shakedown compare runs/main runs/mine\n  shakedown compare main runs/mine --fail-on regression --junit gate.xml --summary gate.md\n  shakedown compare --plan --drop 0.03 --power 0.95\n\nExit code 100: regression. A baseline is saved by `run --save-baseline NAME`; a name, a run directory and a trials.csv are interchangeable."
+    )]
+    Compare(CompareArgs),
     /// List the embedded objects, or show what a mesh holds
     #[command(
         after_help = "Examples:\n  shakedown objects\n  shakedown objects bottle.stl --scale 0.001\n  shakedown objects --export meshes/"
@@ -101,6 +107,12 @@ pub enum Command {
         after_help = "Example:\n  shakedown export-mjcf --grasps Mug.h5 --mesh-root acronym --grasp 17 --out trial17\n\nWrites trial.xml (the model, seen from the hand) and trial.json (forces, schedule, verdict)."
     )]
     ExportMjcf(ExportMjcfArgs),
+    /// Train a flow model and export it to ONNX
+    #[cfg(feature = "train")]
+    #[command(
+        after_help = "Examples:\n  shakedown train --data embedded --out models/mine\n  shakedown train --data acronym/grasps --mesh-root acronym --preset best --minutes 60 --out models/acronym\n  shakedown train --data acronym/grasps --mesh-root acronym --out models/acronym --resume\n\nA killed training goes on with --resume and ends with the same weights."
+    )]
+    Train(TrainArgs),
     /// Print shell completions
     #[command(
         after_help = "Example:\n  shakedown completions bash > /etc/bash_completion.d/shakedown"
@@ -214,6 +226,95 @@ pub struct RunArgs {
     /// The run directory (default: runs/ and a name that tells protocol and run id)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Keep the results as baselines/NAME.json, for `compare`
+    #[arg(long, value_name = "NAME")]
+    pub save_baseline: Option<String>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum MetricName {
+    Held,
+    Optimal,
+    OptimalStrict,
+    CollisionFree,
+    Graspable,
+}
+
+impl From<MetricName> for Metric {
+    fn from(name: MetricName) -> Self {
+        match name {
+            MetricName::Held => Self::Held,
+            MetricName::Optimal => Self::Optimal,
+            MetricName::OptimalStrict => Self::OptimalStrict,
+            MetricName::CollisionFree => Self::CollisionFree,
+            MetricName::Graspable => Self::Graspable,
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FailOn {
+    Regression,
+    Never,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PairBy {
+    /// By grasp where most poses agree, else by object
+    Auto,
+    Grasp,
+    Object,
+}
+
+#[derive(Args, Clone)]
+pub struct CompareArgs {
+    /// Run directory, trials.csv or baseline
+    pub base: Option<String>,
+    /// Run directory, trials.csv or baseline
+    pub new: Option<String>,
+    /// What counts as a success
+    #[arg(long, value_enum, default_value_t = MetricName::Held)]
+    pub metric: MetricName,
+    /// Significance level, two-sided
+    #[arg(long, default_value_t = 0.05)]
+    pub alpha: f64,
+    /// Smallest change of the rate that matters
+    #[arg(long, default_value_t = 0.02)]
+    pub min_effect: f64,
+    /// When to end with exit code 100
+    #[arg(long, value_enum, default_value_t = FailOn::Regression)]
+    pub fail_on: FailOn,
+    /// How grasps are matched
+    #[arg(long, value_enum, default_value_t = PairBy::Auto)]
+    pub pair_by: PairBy,
+    /// Compare although protocol, version, hand or objects differ; the verdict says so
+    #[arg(long)]
+    pub allow_protocol_change: bool,
+    /// Write JUnit XML there (- for stdout)
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Write a Markdown job summary there
+    #[arg(long, value_name = "FILE")]
+    pub summary: Option<PathBuf>,
+    /// Write a JSON list for benchmark trackers there
+    #[arg(long, value_name = "FILE")]
+    pub tracker: Option<PathBuf>,
+    /// Say how many grasps and objects are needed, instead of comparing
+    #[arg(long)]
+    pub plan: bool,
+    /// With --plan: the true drop to find (default 0.03)
+    #[arg(long, requires = "plan")]
+    pub drop: Option<f64>,
+    /// With --plan: the chance to find it (default 0.95)
+    #[arg(long, requires = "plan")]
+    pub power: Option<f64>,
+    /// With --plan: share of grasps that change sides by themselves (default 0.04)
+    #[arg(long, requires = "plan")]
+    pub discordance: Option<f64>,
+    /// With --plan: standard deviation of the change over objects (default 0.02)
+    #[arg(long, requires = "plan")]
+    pub object_sd: Option<f64>,
 }
 
 #[derive(Args)]
@@ -313,6 +414,56 @@ pub struct ExportMjcfArgs {
     #[arg(long, num_args = 1.., default_value = "0", value_name = "N")]
     pub grasp: Vec<u64>,
     /// The directory of trial.xml and trial.json
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// What is learned from, how, and where the model goes.
+#[cfg(feature = "train")]
+#[derive(Args, Clone)]
+pub struct TrainArgs {
+    /// `embedded`, or ACRONYM files and directories of them
+    #[arg(long, num_args = 1.., default_value = "embedded", value_name = "embedded|DIR|FILE")]
+    pub data: Vec<String>,
+    /// Where the mesh paths inside the files start
+    #[arg(long, value_name = "DIR")]
+    pub mesh_root: Option<PathBuf>,
+    /// Learn only from grasps that also held in these runs (directories of `shakedown run`)
+    #[arg(long, num_args = 1.., value_name = "DIR")]
+    pub held_in: Vec<PathBuf>,
+    /// With `embedded`: variants of each of the twelve families
+    #[arg(long, default_value_t = 16, value_name = "N")]
+    pub variants: u64,
+    /// With `embedded`: antipodal candidates tried on each variant
+    #[arg(long, default_value_t = 200, value_name = "N")]
+    pub candidates: u64,
+    /// `best`, `paper`, or a TOML file of the same keys
+    #[arg(long, default_value = "best", value_name = "NAME|FILE")]
+    pub preset: String,
+    /// Steps, instead of the preset's
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+    /// Stop after that long; `--resume` goes on
+    #[arg(long, value_name = "M")]
+    pub minutes: Option<f64>,
+    /// Go on from the checkpoint in --out
+    #[arg(long)]
+    pub resume: bool,
+    /// Name of the model (default: of the directory)
+    #[arg(long)]
+    pub name: Option<String>,
+    /// Licence of the weights, for the card
+    #[arg(long, value_name = "TEXT")]
+    pub licence: Option<String>,
+    /// ONNX Runtime library to validate with instead of the built-in tract
+    #[arg(long, value_name = "FILE")]
+    pub ort: Option<PathBuf>,
+    /// The hand: a name or a TOML file
+    #[arg(long, default_value = "franka_panda", value_name = "NAME|FILE")]
+    pub gripper: String,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
+    /// Where the model, its checkpoint and its log go
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }

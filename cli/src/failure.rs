@@ -18,6 +18,8 @@ pub enum Exit {
     NothingToDo = 4,
     /// Some objects could not be read under `--keep-going`; the rest is on disk.
     Incomplete = 5,
+    /// `compare` found the new run worse.
+    Regression = 100,
 }
 
 impl From<Exit> for ExitCode {
@@ -91,5 +93,9 @@ bad_input!(
     shakedown_classifier::hand::HandError,
     shakedown_sim::ProtocolError,
     shakedown_sim::SceneError,
-    shakedown_report::StoreError
+    shakedown_report::StoreError,
+    shakedown_report::results::ResultsError
 );
+
+#[cfg(feature = "train")]
+bad_input!(shakedown_trainer::TrainError);

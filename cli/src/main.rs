@@ -7,6 +7,8 @@ mod grasps;
 mod plan;
 mod progress;
 mod settings;
+#[cfg(feature = "train")]
+mod training_data;
 mod work;
 
 use clap::Parser as _;
@@ -49,12 +51,15 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Some(Command::Run(args)) => commands::run::run(global, args),
         Some(Command::Sample(args)) => commands::sample::run(global, args),
         Some(Command::Classify(args)) => commands::classify::run(global, args),
+        Some(Command::Compare(args)) => commands::compare::run(global, args),
         Some(Command::Objects(args)) => commands::objects::run(global, args),
         Some(Command::Grippers(args)) => commands::grippers::run(global, args),
         Some(Command::Protocols(args)) => commands::protocols::run(global, args),
         Some(Command::Models) => commands::models::run(global),
         Some(Command::Bench(args)) => commands::bench::run(global, args),
         Some(Command::ExportMjcf(args)) => commands::export_mjcf::run(global, args),
+        #[cfg(feature = "train")]
+        Some(Command::Train(args)) => commands::train::run(global, args),
         Some(Command::Completions(args)) => commands::completions::run(args),
     }
 }

@@ -211,15 +211,19 @@ impl Item {
                 properties.insert(key.to_owned(), serde_json::json!(v));
             }
         };
-        let mut hasher = blake3::Hasher::new();
-        let mut add_file = |path: &Path| -> Result<(), Failure> {
-            let bytes = fs::read(path)
-                .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
-            hasher.update(&bytes);
+        let mut source = blake3::Hasher::new();
+        let mut mesh_bytes = blake3::Hasher::new();
+        let read = |path: &Path| -> Result<Vec<u8>, Failure> {
+            fs::read(path)
+                .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))
+        };
+        let mut add_mesh = |path: &Path| -> Result<(), Failure> {
+            mesh_bytes.update(&read(path)?);
             Ok(())
         };
         let mesh = match &self.material {
             Material::Shape(shape) => {
+                mesh_bytes.update(format!("{} {:?}", shape.family.name(), shape.values).as_bytes());
                 for ((name, _, _), value) in shape.family.parameters().iter().zip(&shape.values) {
                     note(name, Some(*value));
                 }
@@ -227,7 +231,7 @@ impl Item {
                 format!("embedded {}", shape.family.name())
             }
             Material::Mesh(spec) => {
-                add_file(&spec.mesh)?;
+                add_mesh(&spec.mesh)?;
                 note("scale", spec.scale);
                 note("mass_kg", spec.mass_kg);
                 note("density_kg_m3", spec.density_kg_m3);
@@ -235,9 +239,9 @@ impl Item {
                 spec.mesh.display().to_string()
             }
             Material::GraspFile(path) => {
-                add_file(path)?;
+                source.update(&read(path)?);
                 let spec = self.spec_of(path, &read_grasps(path, options)?.object, args)?;
-                add_file(&spec.mesh)?;
+                add_mesh(&spec.mesh)?;
                 note("scale", spec.scale);
                 note("mass_kg", spec.mass_kg);
                 note("density_kg_m3", spec.density_kg_m3);
@@ -254,9 +258,14 @@ impl Item {
             id: self.id.clone(),
             mesh,
             properties: serde_json::json!(properties),
-            source_hash: hasher.finalize().to_hex()[..32].to_owned(),
+            source_hash: short(source.update(mesh_bytes.finalize().as_bytes())),
+            mesh_hash: short(&mesh_bytes),
         })
     }
+}
+
+fn short(hasher: &blake3::Hasher) -> String {
+    hasher.finalize().to_hex()[..32].to_owned()
 }
 
 /// Flags beat what the file says; a density flag beats a mass of the file.

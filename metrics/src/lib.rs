@@ -3,9 +3,13 @@
 
 pub mod agreement;
 pub mod bootstrap;
+pub mod compare;
 pub mod interval;
+pub mod paired;
+pub mod power;
 pub mod rate;
 pub mod summary;
 
 pub use agreement::Agreement;
+pub use compare::{Comparison, Gate, compare};
 pub use summary::{Row, Summary};

@@ -1,9 +1,12 @@
 //! What people and CI read: the run directory of the contract and its files.
 
+pub mod baseline;
+pub mod comparison;
 pub mod html;
 pub mod manifest;
 pub mod markdown;
 pub mod replay;
+pub mod results;
 pub mod store;
 pub mod table;
 pub mod trials;

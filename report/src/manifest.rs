@@ -45,6 +45,8 @@ pub struct ManifestObject {
     pub properties: serde_json::Value,
     /// blake3 of the source: mesh file and grasp file bytes, or the shape's parameters.
     pub source_hash: String,
+    /// blake3 of the mesh alone: mesh file bytes, or the shape's parameters.
+    pub mesh_hash: String,
 }
 
 impl Manifest {

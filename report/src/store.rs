@@ -22,6 +22,9 @@ pub enum StoreError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A baseline cannot be called so.
+    #[error("a baseline cannot be called {0:?}: use letters, digits, '.', '_' and '-'")]
+    Name(String),
     /// The directory holds something else.
     #[error("{} {what}; choose another --out or remove it", path.display())]
     Occupied {
@@ -134,7 +137,7 @@ impl Store {
 }
 
 /// Writes a file under another name first, so that no reader ever sees half of it.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let part = path.with_file_name(name);

@@ -103,7 +103,7 @@ pub struct ModelCard {
     /// Integrator.
     #[serde(default)]
     pub integrator: Integrator,
-    /// Points of the hand frame (metres) behind the input `sdf_at_points`.
+    /// Points in the frame of the poses (`frame` above), metres, behind the input `sdf_at_points`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub control_points_m: Vec<[f64; 3]>,
     /// What it was measured to reach.

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Tensor, TensorElementType, ValueType};
 use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
-use shakedown_objects::{Object, SdfGrid};
+use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
 
 use crate::card::{ModelCard, ModelError};
 use crate::flow::{FlowSample, Velocity, VelocityField, integrate};
@@ -124,8 +124,8 @@ impl FlowModel {
         steps: Option<usize>,
     ) -> Result<Vec<Grasp>, ModelError> {
         let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
-        let (sdf, scale_m) = grid.normalised(self.card.normalisation);
-        let latent = self.bind(&sdf, scale_m, Some(&object.id))?;
+        let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
+        let latent = self.bind(&sdf.values, sdf.scale_m, Some(&object.id))?;
         let mut samples: Vec<FlowSample> = (0..count)
             .map(|index| {
                 let mut rng = seed::stream(run_seed, "flow-v1", &object.id, &gripper.name, index);
@@ -141,16 +141,14 @@ impl FlowModel {
         let mut field = Bound {
             model: self,
             latent,
-            sdf,
-            scale_m,
-            grid: &grid,
+            sdf: &sdf,
         };
         integrate(&mut field, &mut samples, steps, integrator, BATCH)?;
         Ok(samples
             .iter()
             .enumerate()
             .map(|(i, s)| {
-                let translation = grid.centre_m.coords + s.translation * scale_m;
+                let translation = sdf.centre_m.coords + s.translation * sdf.scale_m;
                 let pose = Isometry3::from_parts(Translation3::from(translation), s.rotation);
                 Grasp::new(i as u64, frame.to_hand(&pose, tcp_z_m))
             })
@@ -181,30 +179,7 @@ impl FlowModel {
 struct Bound<'a> {
     model: &'a mut FlowModel,
     latent: Vec<f32>,
-    sdf: Vec<f32>,
-    scale_m: f64,
-    grid: &'a SdfGrid,
-}
-
-impl Bound<'_> {
-    /// Normalised distance at a point of the normalised frame: trilinear, clamped to the grid.
-    fn sdf_at(&self, point: &Vector3<f64>) -> f32 {
-        let n = self.grid.resolution;
-        let half = self.grid.half_edge_m / self.scale_m;
-        let place = point.map(|x| ((x / half + 1.0) / 2.0).clamp(0.0, 1.0) * (n - 1) as f64);
-        let low = place.map(|x| (x.floor() as usize).min(n - 2));
-        let f = Vector3::from_fn(|k, _| place[k] - low[k] as f64);
-        let mut sum = 0.0;
-        for corner in 0..8usize {
-            let bit = |k: usize| corner >> k & 1;
-            let weight: f64 = (0..3)
-                .map(|k| if bit(k) == 1 { f[k] } else { 1.0 - f[k] })
-                .product();
-            let i = ((low.x + bit(0)) * n + low.y + bit(1)) * n + low.z + bit(2);
-            sum += weight * f64::from(self.sdf[i]);
-        }
-        sum as f32
-    }
+    sdf: &'a NormalisedSdf,
 }
 
 impl VelocityField for Bound<'_> {
@@ -247,26 +222,26 @@ impl VelocityField for Bound<'_> {
             let d = self.model.card.resolution as i64;
             inputs.push((
                 "sdf",
-                tensor(&path, vec![b, 1, d, d, d], self.sdf.repeat(n))?,
+                tensor(&path, vec![b, 1, d, d, d], self.sdf.values.repeat(n))?,
             ));
         }
         if extras.scale {
             inputs.push((
                 "scale",
-                tensor(&path, vec![b, 1], vec![self.scale_m as f32; n])?,
+                tensor(&path, vec![b, 1], vec![self.sdf.scale_m as f32; n])?,
             ));
         }
         if extras.sdf_at_points {
             let points = &self.model.card.control_points_m;
-            let values = samples
-                .iter()
-                .flat_map(|s| {
-                    points.iter().map(|p| {
-                        let q = s.rotation * (Point3::from(*p) / self.scale_m) + s.translation;
-                        self.sdf_at(&q.coords)
-                    })
-                })
-                .collect();
+            let mut values = Vec::with_capacity(n * points.len());
+            for s in samples {
+                let turn = (s.rotation.to_rotation_matrix().matrix() / self.sdf.scale_m).cast();
+                let shift: Vector3<f32> = s.translation.cast();
+                values.extend(points.iter().map(|p| {
+                    let q: Vector3<f32> = turn * Vector3::from(p.map(|x| x as f32)) + shift;
+                    self.sdf.at([q.x, q.y, q.z])
+                }));
+            }
             let shape = vec![b, points.len() as i64];
             inputs.push(("sdf_at_points", tensor(&path, shape, values)?));
         }

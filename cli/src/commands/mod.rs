@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod classify;
+pub mod compare;
 pub mod completions;
 pub mod export_mjcf;
 pub mod grippers;
@@ -10,3 +11,5 @@ pub mod objects;
 pub mod protocols;
 pub mod run;
 pub mod sample;
+#[cfg(feature = "train")]
+pub mod train;

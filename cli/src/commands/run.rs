@@ -7,7 +7,8 @@ use std::time::Instant;
 use shakedown_gripper_assets::{Grasp, ReadOptions};
 use shakedown_metrics::Row;
 use shakedown_metrics::summary::{Throughput, summarise};
-use shakedown_report::{Manifest, Store, markdown};
+use shakedown_report::results::Results;
+use shakedown_report::{Manifest, Store, baseline, markdown};
 use shakedown_sim::Label;
 
 use crate::args::{Format, Global, RunArgs};
@@ -69,6 +70,11 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<Exit, Failure> {
     let summary = summarise(&objects, &names, throughput);
     let directory = store.directory().to_owned();
     store.finish(&summary)?;
+    if let Some(name) = &args.save_baseline {
+        let results = Results::open(&directory.display().to_string())?;
+        let path = baseline::save(name, &results)?;
+        progress::note(global, &format!("baseline: {}", path.display()));
+    }
     match global.format {
         Format::Json => {
             println!(

@@ -1,0 +1,276 @@
+//! What a training learns from: ACRONYM files, or embedded shapes with grasps we tried ourselves.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use shakedown_gripper_assets::{
+    Grasp, GraspFile, GraspFormat, Gripper, ReadOptions, read_grasps, write_grasps,
+};
+use shakedown_objects::Object;
+use shakedown_objects::shapes::{Family, Shape, Split};
+use shakedown_sampler::{AntipodalSettings, sample_antipodal};
+use shakedown_sim::{Protocol, Scene, run_trial};
+use shakedown_trainer::{Preset, TrainingObject};
+
+use crate::args::{Global, ObjectArgs, TrainArgs};
+use crate::failure::Failure;
+use crate::plan::{Item, Material};
+use crate::progress;
+
+/// Objects to learn from, and some of them to validate on.
+pub struct TrainingData {
+    pub objects: Vec<TrainingObject>,
+    pub validation: Vec<Object>,
+    /// One line for the card.
+    pub description: String,
+}
+
+/// Objects that a validation draws grasps for.
+const VALIDATION_OBJECTS: usize = 10;
+
+impl TrainingData {
+    /// # Errors
+    /// Unreadable files, missing meshes, no successful grasp.
+    pub fn load(
+        global: &Global,
+        args: &TrainArgs,
+        preset: &Preset,
+        gripper: &Gripper,
+        protocol: &Protocol,
+    ) -> Result<Self, Failure> {
+        let embedded = args.data.iter().any(|d| d == "embedded");
+        if embedded && args.data.len() > 1 {
+            return Err(Failure::usage(
+                "--data embedded stands alone; files and directories may be mixed",
+            ));
+        }
+        let held = Held::read(&args.held_in)?;
+        let sources: Vec<Source> = if embedded {
+            variants(args.variants).map(Source::Shape).collect()
+        } else {
+            files(&args.data)?.into_iter().map(Source::File).collect()
+        };
+        let bar = progress::bar(global, sources.len() as u64);
+        bar.set_message("data");
+        let context = Context {
+            global,
+            args,
+            gripper,
+            protocol,
+            held: &held,
+        };
+        let every = sources.len().div_ceil(VALIDATION_OBJECTS);
+        let loaded: Vec<(TrainingObject, Option<Object>)> = sources
+            .par_iter()
+            .enumerate()
+            .map(|(i, source)| {
+                let (object, good) = context.good_grasps(source)?;
+                let trained = TrainingObject::new(
+                    &object.id,
+                    &object.surface,
+                    &good,
+                    gripper.tcp_z_m,
+                    preset,
+                )?;
+                bar.inc(1);
+                Ok((trained, (i % every == 0).then_some(object)))
+            })
+            .collect::<Result<_, Failure>>()?;
+        bar.finish_and_clear();
+        let (objects, validation): (Vec<_>, Vec<_>) = loaded.into_iter().unzip();
+        let (objects, empty): (Vec<_>, Vec<_>) =
+            objects.into_iter().partition(|o| !o.poses.is_empty());
+        for o in &empty {
+            progress::note(
+                global,
+                &format!("{}: no grasp of it is good; left out", o.id),
+            );
+        }
+        let grasps: usize = objects.iter().map(|o| o.poses.len()).sum();
+        let mut description = if embedded {
+            format!(
+                "{} embedded shapes, antipodal grasps that held under {}",
+                objects.len(),
+                protocol.name
+            )
+        } else {
+            format!("{} ACRONYM files, successful grasps", objects.len())
+        };
+        if !args.held_in.is_empty() {
+            description += " that also held in our own trial";
+        }
+        description += &format!(", {grasps} grasps");
+        Ok(Self {
+            objects,
+            validation: validation.into_iter().flatten().collect(),
+            description,
+        })
+    }
+}
+
+enum Source {
+    File(PathBuf),
+    Shape(Shape),
+}
+
+struct Context<'a> {
+    global: &'a Global,
+    args: &'a TrainArgs,
+    gripper: &'a Gripper,
+    protocol: &'a Protocol,
+    held: &'a Held,
+}
+
+impl Context<'_> {
+    fn good_grasps(&self, source: &Source) -> Result<(Object, Vec<Grasp>), Failure> {
+        match source {
+            Source::File(path) => self.from_file(path),
+            Source::Shape(shape) => self.tried(shape),
+        }
+    }
+
+    fn from_file(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
+        let options = ReadOptions::default();
+        let item = Item {
+            id: shakedown_objects::object::stem(path),
+            material: Material::GraspFile(path.to_owned()),
+            grasps: Some(path.to_owned()),
+        };
+        let args = ObjectArgs {
+            mesh_root: self.args.mesh_root.clone(),
+            ..ObjectArgs::default()
+        };
+        let object = item.load(&args, &options)?;
+        let mut grasps = read_grasps(path, &options)?.grasps;
+        grasps.retain(|g| g.label == Some(true) && self.held.allows(&object.id, g.index));
+        Ok((object, grasps))
+    }
+
+    /// Candidates of a shape that held; kept on disk, so that a resumed training tries none twice.
+    fn tried(&self, shape: &Shape) -> Result<(Object, Vec<Grasp>), Failure> {
+        let object = shape.object()?;
+        let directory = self.args.out.join("data");
+        let path = directory.join(format!(
+            "{}-{}-{}.json",
+            shape.id, self.args.candidates, self.global.seed
+        ));
+        let options = ReadOptions::default();
+        if path.is_file() {
+            let mut grasps = read_grasps(&path, &options)?.grasps;
+            grasps.retain(|g| g.label == Some(true));
+            return Ok((object, grasps));
+        }
+        let mut grasps = sample_antipodal(
+            &object,
+            self.gripper,
+            self.args.candidates,
+            self.global.seed,
+            &AntipodalSettings::default(),
+        );
+        if grasps.is_empty() {
+            return Ok((object, grasps));
+        }
+        let cache = shakedown_objects::pieces::default_cache_directory();
+        let scene = Scene::new(&object, self.gripper, self.protocol, None, cache.as_deref())?;
+        grasps.par_iter_mut().for_each(|g| {
+            g.label = Some(run_trial(&scene, &g.object_from_hand).is_held());
+        });
+        fs::create_dir_all(&directory)
+            .map_err(|e| Failure::input(format!("cannot write {}: {e}", directory.display())))?;
+        let new = path.with_extension("new");
+        write_grasps(&GraspFile {
+            path: new.clone(),
+            format: GraspFormat::GraspGenJson,
+            gripper: Some(self.gripper.name.clone()),
+            object: Default::default(),
+            grasps: grasps.clone(),
+            reorthonormalised: 0,
+        })?;
+        fs::rename(&new, &path)
+            .map_err(|e| Failure::input(format!("cannot write {}: {e}", path.display())))?;
+        grasps.retain(|g| g.label == Some(true));
+        Ok((object, grasps))
+    }
+}
+
+/// `each` variants of every family, drawn from the ranges of the seen members.
+fn variants(each: u64) -> impl Iterator<Item = Shape> {
+    (0..each).flat_map(|i| {
+        Family::ALL
+            .into_iter()
+            .map(move |f| f.variant(Split::Seen, 0, i))
+    })
+}
+
+/// ACRONYM files given by name or by directory, sorted.
+fn files(names: &[String]) -> Result<Vec<PathBuf>, Failure> {
+    let mut found = BTreeSet::new();
+    for name in names {
+        let path = PathBuf::from(name);
+        if !path.is_dir() {
+            found.insert(path);
+            continue;
+        }
+        let listing = fs::read_dir(&path)
+            .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
+        let before = found.len();
+        for entry in listing.filter_map(Result::ok) {
+            if entry.path().extension().is_some_and(|e| e == "h5") {
+                found.insert(entry.path());
+            }
+        }
+        if found.len() == before {
+            return Err(Failure::input(format!(
+                "{}: there is no .h5 file in it; give the directory of the grasp files",
+                path.display()
+            )));
+        }
+    }
+    Ok(found.into_iter().collect())
+}
+
+/// Which grasps held in earlier runs.
+struct Held(Option<BTreeMap<String, BTreeSet<u64>>>);
+
+impl Held {
+    fn read(runs: &[PathBuf]) -> Result<Self, Failure> {
+        if runs.is_empty() {
+            return Ok(Self(None));
+        }
+        let mut held: BTreeMap<String, BTreeSet<u64>> = BTreeMap::new();
+        for run in runs {
+            let path = run.join("trials.csv");
+            let bad = |e: String| Failure::input(format!("{}: {e}", path.display()));
+            let mut reader = csv::Reader::from_path(&path).map_err(|e| bad(e.to_string()))?;
+            let headers = reader.headers().map_err(|e| bad(e.to_string()))?.clone();
+            let column = |name: &str| {
+                headers
+                    .iter()
+                    .position(|h| h == name)
+                    .ok_or_else(|| bad(format!("there is no column `{name}`")))
+            };
+            let (object, grasp, outcome) = (column("object")?, column("grasp")?, column("held")?);
+            for record in reader.records() {
+                let record = record.map_err(|e| bad(e.to_string()))?;
+                if &record[outcome] == "1" {
+                    let index = record[grasp]
+                        .parse()
+                        .map_err(|_| bad(format!("grasp {:?} is not a number", &record[grasp])))?;
+                    held.entry(record[object].to_owned())
+                        .or_default()
+                        .insert(index);
+                }
+            }
+        }
+        Ok(Self(Some(held)))
+    }
+
+    fn allows(&self, object: &str, grasp: u64) -> bool {
+        match &self.0 {
+            None => true,
+            Some(held) => held.get(object).is_some_and(|s| s.contains(&grasp)),
+        }
+    }
+}

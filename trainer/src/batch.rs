@@ -1,0 +1,190 @@
+//! One batch: noise, a point on the way to a grasp, and the velocity there.
+//!
+//! Paths and targets are RFMGrasp's eq. 5 and 7, `t(s) = t0 + s (t1 - t0)` and
+//! `R(s) = R0 exp(s log(R0^T R1))`. Their velocities are constant along the way, `t1 - t0` and
+//! `log(R0^T R1)` in the body frame; the targets printed as eq. 8 and 9 divide by `s` and are not
+//! the derivatives of these paths.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rand::RngExt as _;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use shakedown_objects::NormalisedSdf;
+use shakedown_sampler::seed;
+
+use crate::data::TrainingObject;
+use crate::features::{self, LENGTH_UNIT_M};
+use crate::pairing;
+use crate::preset::{Encoder, Preset};
+
+/// Arrays of one batch, row-major; `G` objects with `K` trajectories each.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Batch {
+    /// What the encoder reads: `[G, D, D, D]` or `[G, bins]`.
+    pub grids: Vec<f32>,
+    /// `[G]`.
+    pub scale_m: Vec<f32>,
+    /// `[G K, F]`.
+    pub features: Vec<f32>,
+    /// `[G K, 6]`: angular velocity (body frame, rad), translation velocity (normalised frame, or
+    /// hand frame in decimetres).
+    pub targets: Vec<f32>,
+}
+
+/// Builds batches of a data set; batch `step` depends on the seed and the step alone.
+pub struct Batches<'a> {
+    preset: &'a Preset,
+    objects: &'a [TrainingObject],
+    points_m: Vec<Point3<f32>>,
+    run_seed: u64,
+}
+
+struct Part {
+    grid: Vec<f32>,
+    scale_m: f32,
+    features: Vec<f32>,
+    targets: Vec<f32>,
+}
+
+impl<'a> Batches<'a> {
+    /// Batches of `objects`, each of which has grasps.
+    pub fn new(preset: &'a Preset, objects: &'a [TrainingObject], run_seed: u64) -> Self {
+        let points_m = features::control_points_m()
+            .into_iter()
+            .map(|p| Point3::from(p).cast())
+            .collect();
+        Self {
+            preset,
+            objects,
+            points_m,
+            run_seed,
+        }
+    }
+
+    /// Batch number `step`.
+    pub fn batch(&self, step: u64) -> Batch {
+        let mut chosen = seed::stream(self.run_seed, "batch-v1", "", "", step);
+        let picks: Vec<usize> = (0..self.preset.training.objects_per_batch)
+            .map(|_| chosen.random_range(0..self.objects.len()))
+            .collect();
+        let parts: Vec<Part> = picks
+            .par_iter()
+            .enumerate()
+            .map(|(slot, &pick)| {
+                let name = format!("slot{slot}");
+                let mut rng = seed::stream(self.run_seed, "batch-v1", &name, "", step);
+                self.part(&self.objects[pick], &mut rng)
+            })
+            .collect();
+        let mut batch = Batch::default();
+        for part in parts {
+            batch.grids.extend(part.grid);
+            batch.scale_m.push(part.scale_m);
+            batch.features.extend(part.features);
+            batch.targets.extend(part.targets);
+        }
+        batch
+    }
+
+    fn part(&self, object: &TrainingObject, rng: &mut ChaCha8Rng) -> Part {
+        let (network, flow) = (&self.preset.network, &self.preset.flow);
+        let turned = flow
+            .random_rotation
+            .then(|| turn(&object.sdf, seed::uniform_rotation(rng).cast()));
+        let (sdf, rotation) = match &turned {
+            Some((sdf, rotation)) => (sdf, *rotation),
+            None => (&object.sdf, UnitQuaternion::identity()),
+        };
+        let turned_by = Isometry3::from_parts(Translation3::identity(), rotation);
+        let scale_m = sdf.scale_m as f32;
+        let k = self.preset.training.grasps_per_object;
+        let mut grasps: Vec<Isometry3<f32>> = (0..k)
+            .map(|_| {
+                let mut pose = object.poses[rng.random_range(0..object.poses.len())];
+                if rng.random::<bool>() {
+                    pose.rotation *= pairing::half_turn();
+                }
+                turned_by * pose
+            })
+            .collect();
+        let noise: Vec<Isometry3<f32>> = (0..k)
+            .map(|_| {
+                let t = seed::normal_vector(rng) * flow.noise_translation_std;
+                let r = seed::uniform_rotation(rng);
+                Isometry3::from_parts(Translation3::from(t.cast()), r.cast())
+            })
+            .collect();
+        let unit = if network.hand_frame {
+            scale_m / LENGTH_UNIT_M
+        } else {
+            1.0
+        };
+        if flow.optimal_transport {
+            let weight = self.preset.training.translation_weight;
+            let order = pairing::optimal(&noise, &grasps, unit, weight);
+            grasps = order.into_iter().map(|j| grasps[j]).collect();
+        }
+        let width = features::count(network);
+        let mut features = vec![0.0; k * width];
+        let mut targets = Vec::with_capacity(6 * k);
+        for (i, (from, to)) in noise.iter().zip(&grasps).enumerate() {
+            let to = if flow.nearer_flip {
+                pairing::nearer_flip(from, to)
+            } else {
+                *to
+            };
+            let s: f32 = rng.random();
+            let omega = rotation_between(&from.rotation, &to.rotation);
+            let way = to.translation.vector - from.translation.vector;
+            let here = Isometry3::from_parts(
+                Translation3::from(from.translation.vector + way * s),
+                from.rotation * UnitQuaternion::new(omega * s),
+            );
+            let out = &mut features[i * width..(i + 1) * width];
+            features::write(network, &self.points_m, sdf, &here, s, out);
+            let v = if network.hand_frame {
+                here.rotation.inverse() * way * unit
+            } else {
+                way
+            };
+            targets.extend(omega.iter().chain(v.iter()));
+        }
+        let grid = match network.encoder {
+            Encoder::Conv => sdf.values.clone(),
+            Encoder::Histogram => object.histogram.clone(),
+        };
+        Part {
+            grid,
+            scale_m,
+            features,
+            targets,
+        }
+    }
+}
+
+/// `log(a^T b)`: through the quaternion, exact to f32 at every angle, where the arc cosine of the
+/// trace loses all digits near half a turn.
+fn rotation_between(a: &UnitQuaternion<f32>, b: &UnitQuaternion<f32>) -> Vector3<f32> {
+    (a.inverse() * b).scaled_axis()
+}
+
+/// The grid of the object turned by `rotation` about the grid's centre, and that rotation.
+fn turn(
+    sdf: &NormalisedSdf,
+    rotation: UnitQuaternion<f32>,
+) -> (NormalisedSdf, UnitQuaternion<f32>) {
+    let n = sdf.resolution;
+    let back = rotation.inverse().to_rotation_matrix();
+    let node = |i: usize| sdf.half_edge * (2.0 * i as f32 / (n - 1) as f32 - 1.0);
+    let mut values = Vec::with_capacity(n.pow(3));
+    for x in 0..n {
+        for y in 0..n {
+            for z in 0..n {
+                let q = back * Vector3::new(node(x), node(y), node(z));
+                values.push(sdf.at([q.x, q.y, q.z]));
+            }
+        }
+    }
+    let turned = NormalisedSdf { values, ..*sdf };
+    (turned, rotation)
+}

@@ -1,0 +1,129 @@
+//! What does the network see of one pose? The same numbers as the exported graph computes.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use shakedown_objects::NormalisedSdf;
+
+use crate::preset::NetworkPreset;
+
+/// Lengths inside the network are in decimetres, the size of a hand.
+pub const LENGTH_UNIT_M: f32 = 0.1;
+
+/// Distances at the control points enter as `tanh(d / w)` for both widths (metres): one resolves
+/// contact, the other the way there.
+pub const DISTANCE_WIDTHS_M: [f32; 2] = [0.01, 0.05];
+
+/// Time enters as itself and as sine and cosine of these multiples of pi.
+pub const TIME_FREQUENCIES: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// Normalised distances about which the soft histogram counts.
+pub const HISTOGRAM_CENTRES: [f32; 16] = [
+    -0.3, -0.2, -0.12, -0.08, -0.05, -0.03, -0.015, 0.0, 0.015, 0.03, 0.06, 0.12, 0.2, 0.35, 0.5,
+    0.7,
+];
+
+/// Steepness of its steps, 1 / normalised distance.
+pub const HISTOGRAM_STEEPNESS: f32 = 60.0;
+
+/// Share of the grid below each centre, softened: mean of `1 / (1 + exp(k (d - c)))`. It is the
+/// same for every orientation of the object, up to the grid's resolution.
+pub fn histogram(values: &[f32], centres: &[f32]) -> Vec<f32> {
+    centres
+        .iter()
+        .map(|c| {
+            let sum: f64 = values
+                .iter()
+                .map(|d| f64::from(1.0 / (1.0 + (HISTOGRAM_STEEPNESS * (d - c)).exp())))
+                .sum();
+            (sum / values.len() as f64) as f32
+        })
+        .collect()
+}
+
+/// Points fixed to the hand (tcp frame, metres; x closing, z approach): a fine grid over fingers,
+/// palm and the space between, a coarse one around them.
+pub fn control_points_m() -> Vec<[f64; 3]> {
+    let mut points = Vec::new();
+    for x in -4..=4 {
+        for y in -1..=1 {
+            for z in -4..=2 {
+                let z_m = 0.005 + 0.015 * f64::from(z);
+                points.push([0.015 * f64::from(x), 0.02 * f64::from(y), z_m]);
+            }
+        }
+    }
+    for x in -2..=2 {
+        for y in -2..=2 {
+            for z in -2..=2 {
+                let step = 0.05;
+                points.push([
+                    step * f64::from(x),
+                    step * f64::from(y),
+                    step * f64::from(z),
+                ]);
+            }
+        }
+    }
+    points
+}
+
+/// How many numbers describe one pose and time.
+pub fn count(network: &NetworkPreset) -> usize {
+    if network.hand_frame {
+        2 * control_points_m().len() + 3 + 1 + 1 + 2 * TIME_FREQUENCIES.len()
+    } else {
+        9 + 3 + 1 + 2 * TIME_FREQUENCIES.len()
+    }
+}
+
+/// Writes the features of a pose (normalised frame) at a time into `out`.
+pub fn write(
+    network: &NetworkPreset,
+    points_m: &[Point3<f32>],
+    sdf: &NormalisedSdf,
+    pose: &Isometry3<f32>,
+    time: f32,
+    out: &mut [f32],
+) {
+    let scale_m = sdf.scale_m as f32;
+    let rotation = pose.rotation.to_rotation_matrix();
+    let t = pose.translation.vector;
+    let mut k = 0;
+    let mut put = |x: f32| {
+        out[k] = x;
+        k += 1;
+    };
+    if network.hand_frame {
+        let m = rotation.matrix() / scale_m;
+        let distances: Vec<f32> = points_m
+            .iter()
+            .map(|p| {
+                let q: Vector3<f32> = m * p.coords + t;
+                sdf.at([q.x, q.y, q.z]) * scale_m
+            })
+            .collect();
+        for w in DISTANCE_WIDTHS_M {
+            for d in &distances {
+                put((d / w).tanh());
+            }
+        }
+        let centre = rotation.inverse() * t * (scale_m / LENGTH_UNIT_M);
+        for x in centre.iter() {
+            put(*x);
+        }
+        put((scale_m / LENGTH_UNIT_M).ln());
+    } else {
+        for i in 0..9 {
+            put(rotation.matrix()[(i / 3, i % 3)]);
+        }
+        for x in t.iter() {
+            put(*x);
+        }
+    }
+    put(time);
+    for f in TIME_FREQUENCIES {
+        put((std::f32::consts::PI * f * time).sin());
+    }
+    for f in TIME_FREQUENCIES {
+        put((std::f32::consts::PI * f * time).cos());
+    }
+}

@@ -1,0 +1,30 @@
+//! Where the flow model comes from: Riemannian flow matching on SE(3), trained in Rust and
+//! exported to the two ONNX graphs of the contract.
+//!
+//! data ([`data`]) -> batches of noise, path and target ([`batch`], [`pairing`], [`features`]) ->
+//! network ([`network`], [`conv`], [`silu`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
+//! checkpoints and a log -> graphs ([`export`], [`onnx`]).
+//!
+//! The method is that of RFMGrasp; where it is silent or contradicts itself, the presets say what
+//! was chosen.
+
+pub mod adam;
+pub mod batch;
+pub mod checkpoint;
+pub mod conv;
+pub mod data;
+pub mod error;
+pub mod export;
+pub mod features;
+pub mod history;
+pub mod network;
+pub mod onnx;
+pub mod pairing;
+pub mod preset;
+pub mod silu;
+pub mod train;
+
+pub use data::TrainingObject;
+pub use error::TrainError;
+pub use preset::Preset;
+pub use train::{Observer, Progress, Training, train};
