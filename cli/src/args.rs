@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use shakedown_gripper_assets::{GraspFormat, Gripper, HandFrame, ReadOptions};
+use shakedown_report::Shard;
 use shakedown_report::results::Metric;
 use shakedown_sim::{Protocol, ProtocolError};
 
@@ -74,6 +75,17 @@ pub enum Command {
         after_help = "Example:\n  shakedown sample --objects mug.obj --candidates 200 --out mug.json"
     )]
     Sample(SampleArgs),
+    /// Finish an interrupted run; the result is that of an uninterrupted one
+    #[command(after_help = "Example:\n  shakedown resume runs/acronym-1a2b3c4d")]
+    Resume(ResumeArgs),
+    /// Join the shards of one run
+    #[command(
+        after_help = "Example:\n  shakedown run --shard 0/2 --out runs/part0\n  shakedown run --shard 1/2 --out runs/part1\n  shakedown merge runs/whole runs/part0 runs/part1"
+    )]
+    Merge(MergeArgs),
+    /// Write summary and report.html of a run again
+    #[command(after_help = "Example:\n  shakedown report runs/acronym-1a2b3c4d")]
+    Report(ReportArgs),
     /// Only geometry: collision, reach, closing, alignment
     #[command(
         after_help = "Example:\n  shakedown classify --grasps poses.csv --mesh mug.obj --frame tcp --out runs/mug_geometry"
@@ -226,9 +238,37 @@ pub struct RunArgs {
     /// The run directory (default: runs/ and a name that tells protocol and run id)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Try only part I of N of the grasps (I from 0; auto/N: from SLURM_ARRAY_TASK_ID or
+    /// JOB_COMPLETION_INDEX); `merge` joins the parts
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+    /// The command line as given
+    #[arg(skip = std::env::args().skip(1).collect::<Vec<String>>())]
+    pub words: Vec<String>,
     /// Keep the results as baselines/NAME.json, for `compare`
     #[arg(long, value_name = "NAME")]
     pub save_baseline: Option<String>,
+}
+
+#[derive(Args, Clone)]
+pub struct ResumeArgs {
+    /// The run directory
+    pub directory: PathBuf,
+}
+
+#[derive(Args, Clone)]
+pub struct ReportArgs {
+    /// The run directory
+    pub directory: PathBuf,
+}
+
+#[derive(Args, Clone)]
+pub struct MergeArgs {
+    /// The directory of the whole run; new or empty
+    pub out: PathBuf,
+    /// The directories of all its shards
+    #[arg(required = true)]
+    pub shards: Vec<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -4,6 +4,8 @@ mod args;
 mod commands;
 mod failure;
 mod grasps;
+mod interrupt;
+mod job;
 mod plan;
 mod progress;
 mod settings;
@@ -51,6 +53,9 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Some(Command::Run(args)) => commands::run::run(global, args),
         Some(Command::Sample(args)) => commands::sample::run(global, args),
         Some(Command::Classify(args)) => commands::classify::run(global, args),
+        Some(Command::Resume(args)) => commands::run::resume(args),
+        Some(Command::Merge(args)) => commands::merge::run(global, args),
+        Some(Command::Report(args)) => commands::merge::report(global, args),
         Some(Command::Compare(args)) => commands::compare::run(global, args),
         Some(Command::Objects(args)) => commands::objects::run(global, args),
         Some(Command::Grippers(args)) => commands::grippers::run(global, args),

@@ -4,10 +4,8 @@ use std::sync::Mutex;
 
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
-use shakedown_classifier::{Class, Verdict, classify};
+use shakedown_classifier::{Verdict, classify};
 use shakedown_gripper_assets::Grasp;
-use shakedown_metrics::Row;
-use shakedown_metrics::summary::GeometryRow;
 use shakedown_objects::Object;
 use shakedown_report::TrialRow;
 use shakedown_report::replay::Replay;
@@ -16,6 +14,7 @@ use shakedown_sim::{Outcome, Scene, Trace, run_trial, run_trial_traced};
 
 use crate::args::Record;
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::settings::Settings;
 
 /// What trials cost.
@@ -51,7 +50,8 @@ impl Bench {
         Ok(Self { object, scene })
     }
 
-    /// Rows of a chunk of grasps in their order, the same for any number of threads.
+    /// Rows of a chunk of grasps in their order, the same for any number of threads; `None` for
+    /// those that an interrupt kept from starting.
     pub fn rows(
         &self,
         settings: &Settings,
@@ -59,10 +59,13 @@ impl Bench {
         record: Record,
         cost: &Mutex<Cost>,
         done: impl Fn() + Sync,
-    ) -> Vec<(TrialRow, Row, Option<Replay>)> {
+    ) -> Vec<Option<(TrialRow, Option<Replay>)>> {
         grasps
             .par_iter()
             .map(|grasp| {
+                if interrupt::requested() {
+                    return None;
+                }
                 let verdict = settings.geometry.then(|| {
                     let pose = &grasp.object_from_hand;
                     classify(
@@ -82,8 +85,7 @@ impl Bench {
                     .flatten()
                     .and_then(|t| outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t)));
                 let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref());
-                let row = metrics_row(grasp, verdict.as_ref(), outcome.as_ref());
-                (cells, row, replay)
+                Some((cells, replay))
             })
             .collect()
     }
@@ -122,6 +124,7 @@ fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>
             class: v.class().name(),
             flags: [v.collides, v.reachable, v.closes, v.centred, v.aligned],
             penetration_m: v.penetration_m,
+            closing_width_m: v.closing.map(|c| c.width_m()),
         }),
         physics: outcome.map(|o| PhysicsCells {
             outcome: o.label.name(),
@@ -137,20 +140,6 @@ fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>
             stage: o.stage.name(),
             margin_g: o.margin_g,
         }),
-    }
-}
-
-fn metrics_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>) -> Row {
-    Row {
-        geometry: verdict.map(|v| GeometryRow {
-            collides: v.collides,
-            reachable: v.reachable,
-            optimal: v.class() == Class::Optimal,
-            optimal_strict: v.is_strictly_optimal(),
-            width_m: v.closing.map(|c| c.width_m() as f32),
-        }),
-        outcome: outcome.map(|o| (o.label.name(), o.is_held())),
-        label: grasp.label,
     }
 }
 

@@ -25,6 +25,8 @@ pub struct Row {
     pub outcome: Option<(&'static str, bool)>,
     /// Label of the input.
     pub label: Option<bool>,
+    /// Calibrated probability to hold.
+    pub p_hold: Option<f32>,
 }
 
 /// The geometric part of a [`Row`].

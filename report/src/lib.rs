@@ -3,14 +3,18 @@
 pub mod baseline;
 pub mod comparison;
 pub mod html;
+pub mod journal;
 pub mod manifest;
 pub mod markdown;
+pub mod merge;
 pub mod replay;
 pub mod results;
+pub mod rows;
 pub mod store;
 pub mod table;
 pub mod trials;
 
 pub use manifest::{Manifest, ManifestObject};
+pub use merge::Shard;
 pub use store::{Store, StoreError};
 pub use trials::TrialRow;

@@ -50,6 +50,20 @@ pub struct ManifestObject {
 }
 
 impl Manifest {
+    /// The bytes of `manifest.json`.
+    pub fn to_text(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("a manifest is plain data");
+        text.push('\n');
+        text
+    }
+
+    /// The manifest of the run that this is a shard of.
+    #[must_use]
+    pub fn unsharded(mut self) -> Self {
+        self.selection["shard"] = serde_json::Value::Null;
+        self.sealed()
+    }
+
     /// Fills in [`Manifest::run_id`].
     #[must_use]
     pub fn sealed(mut self) -> Self {

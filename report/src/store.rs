@@ -1,11 +1,12 @@
 //! The run directory: refuses another run's files, takes rows as they come, ends with a summary.
 
-use std::fs;
-use std::io::{BufWriter, Write as _};
+use std::fs::{self, File};
+use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use shakedown_metrics::Summary;
 
+use crate::journal::{Done, Journal, Start};
 use crate::manifest::Manifest;
 use crate::trials::{TrialRow, write_header, write_row};
 use crate::{html, markdown};
@@ -33,65 +34,134 @@ pub enum StoreError {
         /// What it holds.
         what: String,
     },
+    /// Another process writes this run.
+    #[error("another process is writing this run ({}); wait for it or choose another --out", .0.display())]
+    Busy(PathBuf),
+    /// There is no unfinished run.
+    #[error("{}: there is no unfinished run to resume; a finished one needs nothing, a new one starts with `run`", .0.display())]
+    NothingToResume(PathBuf),
+    /// A file of the run was changed by someone else.
+    #[error("{}: damaged ({what}); start the run again in another --out", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
 }
 
 /// An open run directory.
 pub struct Store {
     directory: PathBuf,
     manifest: Manifest,
-    trials: BufWriter<fs::File>,
+    trials: File,
+    journal: Journal,
+    buffer: Vec<u8>,
 }
 
-fn io(path: &Path) -> impl Fn(std::io::Error) -> StoreError + '_ {
+pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> StoreError + '_ {
     move |source| StoreError::Io {
         path: path.to_owned(),
         source,
     }
 }
 
+fn header() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_header(&mut bytes).expect("memory takes it");
+    bytes
+}
+
+/// Makes sure that `directory` is new, empty, or of the run with this id.
+fn claim(directory: &Path, manifest: &Manifest) -> Result<(), StoreError> {
+    fs::create_dir_all(directory).map_err(io(directory))?;
+    let occupied = |what: String| StoreError::Occupied {
+        path: directory.to_owned(),
+        what,
+    };
+    match fs::read(directory.join("manifest.json")) {
+        Ok(bytes) => {
+            let old: Manifest = serde_json::from_slice(&bytes)
+                .map_err(|_| occupied("holds a manifest.json that cannot be read".into()))?;
+            if old.run_id != manifest.run_id {
+                return Err(occupied(format!(
+                    "belongs to another run ({}, this one is {})",
+                    old.run_id, manifest.run_id
+                )));
+            }
+        }
+        Err(_) => {
+            let mut entries = fs::read_dir(directory).map_err(io(directory))?;
+            if entries.next().is_some() {
+                return Err(occupied("is not empty and holds no manifest.json".into()));
+            }
+        }
+    }
+    Ok(())
+}
+
 impl Store {
     /// Opens `directory` for a run: new, empty, or left by the same run (which is then redone).
     ///
     /// # Errors
-    /// A directory of another run or with foreign files, or one that cannot be written.
-    pub fn create(directory: &Path, manifest: Manifest) -> Result<Self, StoreError> {
-        fs::create_dir_all(directory).map_err(io(directory))?;
-        let manifest_path = directory.join("manifest.json");
-        let occupied = |what: String| StoreError::Occupied {
-            path: directory.to_owned(),
-            what,
-        };
-        match fs::read(&manifest_path) {
-            Ok(bytes) => {
-                let old: Manifest = serde_json::from_slice(&bytes)
-                    .map_err(|_| occupied("holds a manifest.json that cannot be read".into()))?;
-                if old.run_id != manifest.run_id {
-                    return Err(occupied(format!(
-                        "belongs to another run ({}, this one is {})",
-                        old.run_id, manifest.run_id
-                    )));
-                }
-            }
-            Err(_) => {
-                let mut entries = fs::read_dir(directory).map_err(io(directory))?;
-                if entries.next().is_some() {
-                    return Err(occupied("is not empty and holds no manifest.json".into()));
-                }
-            }
-        }
-        let mut text = serde_json::to_string_pretty(&manifest).expect("a manifest is plain data");
-        text.push('\n');
-        write_whole(&manifest_path, text.as_bytes())?;
+    /// A directory of another run or with foreign files, one that another process writes, or one
+    /// that cannot be written.
+    pub fn create(directory: &Path, manifest: Manifest, start: &Start) -> Result<Self, StoreError> {
+        claim(directory, &manifest)?;
+        let header = header();
+        let journal = Journal::create(directory, start, header.len() as u64)?;
+        write_whole(
+            &directory.join("manifest.json"),
+            manifest.to_text().as_bytes(),
+        )?;
         let replays = directory.join("replays");
         fs::create_dir_all(&replays).map_err(io(&replays))?;
         let path = directory.join("trials.csv");
-        let mut trials = BufWriter::new(fs::File::create(&path).map_err(io(&path))?);
-        write_header(&mut trials).map_err(io(&path))?;
+        let mut trials = File::create(&path).map_err(io(&path))?;
+        trials.write_all(&header).map_err(io(&path))?;
         Ok(Self {
             directory: directory.to_owned(),
             manifest,
             trials,
+            journal,
+            buffer: Vec::new(),
         })
+    }
+
+    /// Opens the unfinished run in `directory` again; says which rows are on disk.
+    ///
+    /// # Errors
+    /// Another run's directory, another process that writes it, a damaged header.
+    pub fn resume(directory: &Path, manifest: Manifest) -> Result<(Self, Vec<Done>), StoreError> {
+        claim(directory, &manifest)?;
+        let path = directory.join("trials.csv");
+        let mut trials = File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(io(&path))?;
+        let header = header();
+        let (journal, done) = Journal::resume(directory, &mut trials, header.len() as u64)?;
+        // A kill before the first row may have left half a header.
+        trials.seek(SeekFrom::Start(0)).map_err(io(&path))?;
+        trials.write_all(&header).map_err(io(&path))?;
+        trials.seek(SeekFrom::End(0)).map_err(io(&path))?;
+        write_whole(
+            &directory.join("manifest.json"),
+            manifest.to_text().as_bytes(),
+        )?;
+        let replays = directory.join("replays");
+        fs::create_dir_all(&replays).map_err(io(&replays))?;
+        let store = Self {
+            directory: directory.to_owned(),
+            manifest,
+            trials,
+            journal,
+            buffer: Vec::new(),
+        };
+        Ok((store, done))
     }
 
     /// Where the run lies.
@@ -99,16 +169,24 @@ impl Store {
         &self.directory
     }
 
-    /// Appends rows of one object and hands them to the system.
+    /// Appends rows of one object; when this returns they survive a kill.
     ///
     /// # Errors
     /// A full disk; what was appended before stays.
     pub fn append(&mut self, object: &str, rows: &[TrialRow]) -> Result<(), StoreError> {
-        let path = self.directory.join("trials.csv");
-        for row in rows {
-            write_row(&mut self.trials, object, row).map_err(io(&path))?;
+        if rows.is_empty() {
+            return Ok(());
         }
-        self.trials.flush().map_err(io(&path))
+        self.buffer.clear();
+        for row in rows {
+            write_row(&mut self.buffer, object, row).expect("memory takes it");
+        }
+        let path = self.directory.join("trials.csv");
+        self.trials
+            .write_all(&self.buffer)
+            .and_then(|()| self.trials.sync_data())
+            .map_err(io(&path))?;
+        self.journal.add(object, rows.len() as u64, &self.buffer)
     }
 
     /// Writes one file under `replays/`.
@@ -119,21 +197,32 @@ impl Store {
         write_whole(&self.directory.join("replays").join(name), bytes)
     }
 
-    /// Writes `summary.json`, `summary.md` and `report.html`.
+    /// Writes `summary.json`, `summary.md` and `report.html`, and closes the journal.
     ///
     /// # Errors
     /// As [`Store::append`].
-    pub fn finish(mut self, summary: &Summary) -> Result<(), StoreError> {
-        let trials = self.directory.join("trials.csv");
-        self.trials.flush().map_err(io(&trials))?;
-        let mut json = serde_json::to_string_pretty(summary).expect("a summary is plain data");
-        json.push('\n');
-        write_whole(&self.directory.join("summary.json"), json.as_bytes())?;
-        let text = markdown::summary(&self.manifest, summary);
-        write_whole(&self.directory.join("summary.md"), text.as_bytes())?;
-        let page = html::page(&self.manifest, summary);
-        write_whole(&self.directory.join("report.html"), page.as_bytes())
+    pub fn finish(self, summary: &Summary) -> Result<(), StoreError> {
+        write_summary(&self.directory, &self.manifest, summary)?;
+        self.journal.close()
     }
+}
+
+/// Writes `summary.json`, `summary.md` and `report.html` of a run.
+///
+/// # Errors
+/// A directory that cannot be written.
+pub fn write_summary(
+    directory: &Path,
+    manifest: &Manifest,
+    summary: &Summary,
+) -> Result<(), StoreError> {
+    let mut json = serde_json::to_string_pretty(summary).expect("a summary is plain data");
+    json.push('\n');
+    write_whole(&directory.join("summary.json"), json.as_bytes())?;
+    let text = markdown::summary(manifest, summary);
+    write_whole(&directory.join("summary.md"), text.as_bytes())?;
+    let page = html::page(manifest, summary);
+    write_whole(&directory.join("report.html"), page.as_bytes())
 }
 
 /// Writes a file under another name first, so that no reader ever sees half of it.

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 /// Column names, in the order of the contract.
-pub const COLUMNS: [&str; 30] = [
+pub const COLUMNS: [&str; 31] = [
     "object",
     "grasp",
     "score",
@@ -34,6 +34,7 @@ pub const COLUMNS: [&str; 30] = [
     "p_hold",
     "stage",
     "margin_g",
+    "closing_width_m",
 ];
 
 /// One row; `None` becomes an empty cell.
@@ -64,6 +65,8 @@ pub struct GeometryCells {
     pub flags: [bool; 5],
     /// Depth, metres.
     pub penetration_m: f64,
+    /// Distance of the two predicted contacts along the closing axis, metres.
+    pub closing_width_m: Option<f64>,
 }
 
 /// Cells of the trial.
@@ -151,6 +154,8 @@ pub fn write_row(out: &mut impl Write, object: &str, row: &TrialRow) -> std::io:
     line.push(',');
     line.push_str(row.physics.as_ref().map_or("", |p| p.stage));
     number(&mut line, row.physics.as_ref().and_then(|p| p.margin_g));
+    let closing_width_m = row.geometry.as_ref().and_then(|g| g.closing_width_m);
+    number(&mut line, closing_width_m);
     line.push('\n');
     out.write_all(line.as_bytes())
 }
@@ -180,6 +185,7 @@ mod tests {
                 class: "optimal",
                 flags: [false, true, true, true, false],
                 penetration_m: 0.0,
+                closing_width_m: Some(0.0625),
             }),
             physics: Some(PhysicsCells {
                 outcome: "held",
@@ -209,6 +215,7 @@ mod tests {
             ("optimal", "held", "1")
         );
         assert_eq!((&rows[0][28], &rows[0][29]), ("hold", "3.5"));
-        assert!((27..30).all(|i| rows[1][i].is_empty()));
+        assert_eq!(&rows[0][30], "0.0625");
+        assert!((27..31).all(|i| rows[1][i].is_empty()));
     }
 }
