@@ -6,6 +6,7 @@
 
 pub mod closing;
 pub mod hand;
+pub mod profile;
 pub mod verdict;
 
 pub use hand::HandModel;

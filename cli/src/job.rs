@@ -223,6 +223,7 @@ impl Job<'_> {
         } else {
             CLASSES_PER_WRITE
         };
+        store.add_view(&prepared.bench.view())?;
         let mut on_disk = skip.min(prepared.grasps.len());
         for grasps in prepared.grasps[on_disk..].chunks(chunk) {
             let rows = prepared

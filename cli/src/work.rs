@@ -10,6 +10,7 @@ use shakedown_objects::Object;
 use shakedown_report::TrialRow;
 use shakedown_report::replay::Replay;
 use shakedown_report::trials::{GeometryCells, PhysicsCells};
+use shakedown_report::view::ViewMesh;
 use shakedown_sim::{Outcome, Scene, Trace, run_trial, run_trial_traced};
 
 use crate::args::Record;
@@ -48,6 +49,13 @@ impl Bench {
             None
         };
         Ok(Self { object, scene })
+    }
+
+    /// The object as the report shows it.
+    pub fn view(&self) -> ViewMesh {
+        let mesh = self.object.surface.mesh();
+        let vertices: Vec<[f64; 3]> = mesh.vertices().iter().map(|v| v.coords.into()).collect();
+        ViewMesh::new(&self.object.id, &vertices, mesh.faces())
     }
 
     /// Rows of a chunk of grasps in their order, the same for any number of threads; `None` for
@@ -149,18 +157,15 @@ fn numbers(pose: &nalgebra::Isometry3<f64>) -> [f64; 7] {
 }
 
 fn replay(object: &str, grasp: u64, outcome: &Outcome, trace: &Trace) -> Replay {
-    let pose = |p: &nalgebra::Isometry3<f64>| numbers(p).map(|x| x as f32);
-    let frames = &trace.frames;
-    Replay {
-        object: object.to_owned(),
-        grasp,
-        outcome: outcome.label.name(),
-        t_s: frames.iter().map(|f| f.t_s as f32).collect(),
-        world_from_hand: frames.iter().map(|f| pose(&f.world_from_hand)).collect(),
-        world_from_object: frames.iter().map(|f| pose(&f.world_from_object)).collect(),
-        finger_m: frames
-            .iter()
-            .map(|f| f.finger_m.map(|x| x as f32))
-            .collect(),
-    }
+    let frames = trace.frames.iter().map(|f| {
+        let mut numbers = vec![f.t_s];
+        numbers.extend(self::numbers(&f.world_from_hand));
+        numbers.extend(self::numbers(&f.world_from_object));
+        numbers.extend(f.finger_m);
+        for (point, force) in f.contact_m.iter().zip(&f.contact_force_n) {
+            numbers.extend(point.iter().chain(force.iter()));
+        }
+        std::array::from_fn(|i| numbers[i] as f32)
+    });
+    Replay::new(object, grasp, outcome.label.name(), frames)
 }

@@ -4,6 +4,8 @@
 pub mod agreement;
 pub mod bootstrap;
 pub mod compare;
+pub mod features;
+pub mod hold_model;
 pub mod interval;
 pub mod paired;
 pub mod power;

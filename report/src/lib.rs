@@ -13,6 +13,7 @@ pub mod rows;
 pub mod store;
 pub mod table;
 pub mod trials;
+pub mod view;
 
 pub use manifest::{Manifest, ManifestObject};
 pub use merge::Shard;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::journal::is_unfinished;
 use crate::manifest::Manifest;
 use crate::results::ResultsError;
-use crate::store::{StoreError, io, write_whole};
+use crate::store::{SIDE_DIRECTORIES, StoreError, io, write_whole};
 use crate::trials::COLUMNS;
 
 /// Which part of a run a shard is.
@@ -90,16 +90,18 @@ pub fn merge(out: &Path, parts: &[PathBuf]) -> Result<Manifest, ResultsError> {
         )));
     }
     write_whole(&out.join("trials.csv"), &joined(&parts)?).map_err(store)?;
-    let replays = out.join("replays");
-    fs::create_dir_all(&replays).map_err(|e| store(io(&replays)(e)))?;
-    for part in &parts {
-        for entry in fs::read_dir(part.directory.join("replays"))
-            .into_iter()
-            .flatten()
-        {
-            let from = entry.map_err(|e| store(io(&replays)(e)))?;
-            let to = replays.join(from.file_name());
-            fs::copy(from.path(), &to).map_err(|e| store(io(&to)(e)))?;
+    for side in SIDE_DIRECTORIES {
+        let into = out.join(side);
+        fs::create_dir_all(&into).map_err(|e| store(io(&into)(e)))?;
+        for part in &parts {
+            for entry in fs::read_dir(part.directory.join(side))
+                .into_iter()
+                .flatten()
+            {
+                let from = entry.map_err(|e| store(io(&into)(e)))?;
+                let to = into.join(from.file_name());
+                fs::copy(from.path(), &to).map_err(|e| store(io(&to)(e)))?;
+            }
         }
     }
     write_whole(&out.join("manifest.json"), whole.to_text().as_bytes()).map_err(store)?;

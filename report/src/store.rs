@@ -8,7 +8,9 @@ use shakedown_metrics::Summary;
 
 use crate::journal::{Done, Journal, Start};
 use crate::manifest::Manifest;
+use crate::results::ResultsError;
 use crate::trials::{TrialRow, write_header, write_row};
+use crate::view::ViewMesh;
 use crate::{html, markdown};
 
 /// Why a run directory cannot be used.
@@ -40,6 +42,9 @@ pub enum StoreError {
     /// There is no unfinished run.
     #[error("{}: there is no unfinished run to resume; a finished one needs nothing, a new one starts with `run`", .0.display())]
     NothingToResume(PathBuf),
+    /// The rows cannot be read back.
+    #[error(transparent)]
+    Rows(#[from] Box<ResultsError>),
     /// A file of the run was changed by someone else.
     #[error("{}: damaged ({what}); start the run again in another --out", path.display())]
     Damaged {
@@ -49,6 +54,9 @@ pub enum StoreError {
         what: String,
     },
 }
+
+/// What lies beside the rows: recorded trials, and the objects as the 3-D view shows them.
+pub(crate) const SIDE_DIRECTORIES: [&str; 2] = ["replays", "views"];
 
 /// An open run directory.
 pub struct Store {
@@ -70,6 +78,14 @@ fn header() -> Vec<u8> {
     let mut bytes = Vec::new();
     write_header(&mut bytes).expect("memory takes it");
     bytes
+}
+
+fn make_directories(directory: &Path) -> Result<(), StoreError> {
+    for name in SIDE_DIRECTORIES {
+        let path = directory.join(name);
+        fs::create_dir_all(&path).map_err(io(&path))?;
+    }
+    Ok(())
 }
 
 /// Makes sure that `directory` is new, empty, or of the run with this id.
@@ -114,8 +130,7 @@ impl Store {
             &directory.join("manifest.json"),
             manifest.to_text().as_bytes(),
         )?;
-        let replays = directory.join("replays");
-        fs::create_dir_all(&replays).map_err(io(&replays))?;
+        make_directories(directory)?;
         let path = directory.join("trials.csv");
         let mut trials = File::create(&path).map_err(io(&path))?;
         trials.write_all(&header).map_err(io(&path))?;
@@ -152,8 +167,7 @@ impl Store {
             &directory.join("manifest.json"),
             manifest.to_text().as_bytes(),
         )?;
-        let replays = directory.join("replays");
-        fs::create_dir_all(&replays).map_err(io(&replays))?;
+        make_directories(directory)?;
         let store = Self {
             directory: directory.to_owned(),
             manifest,
@@ -197,6 +211,15 @@ impl Store {
         write_whole(&self.directory.join("replays").join(name), bytes)
     }
 
+    /// Keeps how an object looks, for the report.
+    ///
+    /// # Errors
+    /// As [`Store::append`].
+    pub fn add_view(&self, view: &ViewMesh) -> Result<(), StoreError> {
+        let bytes = serde_json::to_vec(view).expect("plain data");
+        write_whole(&self.directory.join("views").join(view.file_name()), &bytes)
+    }
+
     /// Writes `summary.json`, `summary.md` and `report.html`, and closes the journal.
     ///
     /// # Errors
@@ -221,7 +244,8 @@ pub fn write_summary(
     write_whole(&directory.join("summary.json"), json.as_bytes())?;
     let text = markdown::summary(manifest, summary);
     write_whole(&directory.join("summary.md"), text.as_bytes())?;
-    let page = html::page(manifest, summary);
+    let collected = html::collect::collect(directory, manifest).map_err(Box::new)?;
+    let page = html::page::page(manifest, summary, &collected);
     write_whole(&directory.join("report.html"), page.as_bytes())
 }
 

@@ -1,6 +1,6 @@
 //! What a trial looked like: poses at 60 Hz for replays.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// Rate of recording, Hz.
 pub const TRACE_HZ: f64 = 60.0;
@@ -16,6 +16,10 @@ pub struct Frame {
     pub finger_m: [f64; 2],
     /// Pose of the object's mesh frame.
     pub world_from_object: Isometry3<f64>,
+    /// Centre of pressure of the left and the right finger, world, metres.
+    pub contact_m: [Point3<f64>; 2],
+    /// Their normal forces on the object, world axes, N; zero where nothing presses.
+    pub contact_force_n: [Vector3<f64>; 2],
 }
 
 /// The frames of one trial in order.

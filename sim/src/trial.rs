@@ -323,6 +323,8 @@ impl<'a> Trial<'a> {
                 world_from_hand: self.world.world_from_hand(),
                 finger_m: self.world.fingers().position_m,
                 world_from_object: self.world.world_from_object(),
+                contact_m: self.world.contacts().map(|c| c.centre_m),
+                contact_force_n: self.world.contacts().map(|c| c.force_n),
             });
         }
     }

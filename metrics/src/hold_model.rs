@@ -1,0 +1,140 @@
+//! p_hold: the calibrated probability that a grasp holds, from trees fitted to labels.
+//!
+//! Gradient-boosted trees (J. H. Friedman, Ann. Stat. 29(5), 2001) over [`crate::features`], in a
+//! JSON file that a person can read. `tests/calibration/fit_p_hold.py` makes it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::features::NAMES;
+
+/// One node of a tree: a question, or the end.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Node {
+    /// Feature that is asked for; unused at an end.
+    #[serde(default)]
+    pub feature: usize,
+    /// Left if the feature is at most this.
+    #[serde(default)]
+    pub at_most: f32,
+    /// Left if the feature is missing.
+    #[serde(default)]
+    pub missing_left: bool,
+    /// Node to go on with on the left; 0: this is an end.
+    #[serde(default)]
+    pub left: usize,
+    /// Node to go on with on the right.
+    #[serde(default)]
+    pub right: usize,
+    /// At an end: what is added to the logit.
+    #[serde(default)]
+    pub value: f32,
+}
+
+/// The model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HoldModel {
+    /// What it is and how it was made.
+    pub about: String,
+    /// Protocol whose trials it reads.
+    pub protocol: String,
+    /// Names of its features, in the order of the nodes' numbers.
+    pub features: Vec<String>,
+    /// Logit before any tree.
+    pub base: f32,
+    /// Slope and shift of the calibrated logit (J. Platt, 1999).
+    pub calibration: [f32; 2],
+    /// The trees; the root of each is node 0.
+    pub trees: Vec<Vec<Node>>,
+}
+
+const GEOMETRY: &str = include_str!("../models/p_hold_geometry.json");
+const TRIAL: &str = include_str!("../models/p_hold_acronym.json");
+
+impl HoldModel {
+    /// The built-in model for geometry alone, or for geometry and a trial of preset `acronym`.
+    pub fn built_in(with_trial: bool) -> Self {
+        let text = if with_trial { TRIAL } else { GEOMETRY };
+        Self::parse(text).expect("the built-in models are tested")
+    }
+
+    /// Reads a model from its JSON.
+    ///
+    /// # Errors
+    /// Unknown features, nodes that lead nowhere or in circles.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let model: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        if !model.features.iter().map(String::as_str).eq(NAMES) {
+            return Err("the model was made for other features; fit it again".into());
+        }
+        for (t, tree) in model.trees.iter().enumerate() {
+            for (i, node) in tree.iter().enumerate() {
+                let is_end = node.left == 0;
+                // Children come after their parent, so no walk can go in circles.
+                let leads = |to: usize| to > i && to < tree.len();
+                if !is_end && !(leads(node.left) && leads(node.right) && node.feature < NAMES.len())
+                {
+                    return Err(format!("tree {t}, node {i}: leads nowhere"));
+                }
+            }
+            if tree.is_empty() {
+                return Err(format!("tree {t} is empty"));
+            }
+        }
+        Ok(model)
+    }
+
+    /// The probability to hold.
+    pub fn p_hold(&self, features: &[f32; NAMES.len()]) -> f64 {
+        let mut logit = f64::from(self.base);
+        for tree in &self.trees {
+            let mut node = &tree[0];
+            while node.left != 0 {
+                let x = features[node.feature];
+                let goes_left = if x.is_nan() {
+                    node.missing_left
+                } else {
+                    x <= node.at_most
+                };
+                node = &tree[if goes_left { node.left } else { node.right }];
+            }
+            logit += f64::from(node.value);
+        }
+        let [slope, shift] = self.calibration.map(f64::from);
+        1.0 / (1.0 + (-(slope * logit + shift)).exp())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_built_in_models_can_be_read_and_prefer_what_held() {
+        for with_trial in [false, true] {
+            let model = HoldModel::built_in(with_trial);
+            let missing = [f32::NAN; NAMES.len()];
+            let p = model.p_hold(&missing);
+            assert!((0.0..=1.0).contains(&p));
+        }
+        let model = HoldModel::built_in(true);
+        let mut held = [f32::NAN; NAMES.len()];
+        held[30] = 1.0;
+        let mut lost = held;
+        lost[30] = 0.0;
+        assert!(model.p_hold(&held) > model.p_hold(&lost));
+    }
+
+    #[test]
+    fn a_tree_that_leads_nowhere_is_refused() {
+        let mut model = HoldModel::built_in(false);
+        model.trees[0][0].left = 10_000;
+        let text = serde_json::to_string(&model).unwrap();
+        assert!(
+            HoldModel::parse(&text)
+                .unwrap_err()
+                .contains("tree 0, node 0")
+        );
+    }
+}
