@@ -91,6 +91,11 @@ pub enum Command {
         after_help = "Example:\n  shakedown classify --grasps poses.csv --mesh mug.obj --frame tcp --out runs/mug_geometry"
     )]
     Classify(RunArgs),
+    /// Order the candidate grasps of one object, best first
+    #[command(
+        after_help = "Examples:\n  shakedown rank --objects mug.obj --candidates 200 --top 5\n  shakedown rank --grasps poses.csv --mesh mug.obj --frame tcp --top 10 --perturb 16 --out best.json\n\np_hold: calibrated on labels; with --perturb N the share of N trials that held under pose and friction noise."
+    )]
+    Rank(RankArgs),
     /// Compare two runs grasp by grasp, and fail if the new one is worse
     #[command(
         after_help = "Examples:\n  shakedown compare runs/main runs/mine\n  shakedown compare main runs/mine --fail-on regression --junit gate.xml --summary gate.md\n  shakedown compare --plan --drop 0.03 --power 0.95\n\nExit code 100: regression. A baseline is saved by `run --save-baseline NAME`; a name, a run directory and a trials.csv are interchangeable."
@@ -269,6 +274,41 @@ pub struct MergeArgs {
     /// The directories of all its shards
     #[arg(required = true)]
     pub shards: Vec<PathBuf>,
+}
+
+#[derive(Args, Clone)]
+pub struct RankArgs {
+    #[command(flatten)]
+    pub source: SourceArgs,
+    #[command(flatten)]
+    pub object: ObjectArgs,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
+    /// Candidates to list and write
+    #[arg(long, default_value_t = 10, value_name = "K")]
+    pub top: usize,
+    /// Candidates that geometry likes best and that are tried in physics (default: 4 K, at least
+    /// 100)
+    #[arg(long, value_name = "N")]
+    pub try_best: Option<usize>,
+    /// Disturbed trials per candidate, at most
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub perturb: u32,
+    /// With --perturb: standard deviation of the hand's position along each axis, metres
+    #[arg(long, default_value_t = 0.003)]
+    pub noise_m: f64,
+    /// With --perturb: standard deviation of the hand's rotation about each axis, radians
+    #[arg(long, default_value_t = 0.05)]
+    pub noise_rad: f64,
+    /// With --perturb: standard deviation of the logarithm of friction
+    #[arg(long, default_value_t = 0.2)]
+    pub noise_friction: f64,
+    /// Grasp file of the top K to write (.json, .yaml, .npz, .csv)
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Format to write; told by the extension otherwise (json: GraspGen's)
+    #[arg(long, value_name = "FORMAT")]
+    pub out_format: Option<GraspFormat>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -471,6 +511,9 @@ pub struct TrainArgs {
     /// Learn only from grasps that also held in these runs (directories of `shakedown run`)
     #[arg(long, num_args = 1.., value_name = "DIR")]
     pub held_in: Vec<PathBuf>,
+    /// Learn only from grasps whose p_hold by geometry is at least this
+    #[arg(long, value_name = "P")]
+    pub min_p_hold: Option<f64>,
     /// With `embedded`: variants of each of the twelve families
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub variants: u64,

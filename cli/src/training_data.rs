@@ -5,9 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use shakedown_classifier::{HandModel, Thresholds, classify};
 use shakedown_gripper_assets::{
     Grasp, GraspFile, GraspFormat, Gripper, ReadOptions, read_grasps, write_grasps,
 };
+use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::Object;
 use shakedown_objects::shapes::{Family, Shape, Split};
 use shakedown_sampler::{AntipodalSettings, sample_antipodal};
@@ -101,6 +103,9 @@ impl TrainingData {
         if !args.held_in.is_empty() {
             description += " that also held in our own trial";
         }
+        if let Some(least) = args.min_p_hold {
+            description += &format!(" with p_hold >= {least} by geometry");
+        }
         description += &format!(", {grasps} grasps");
         Ok(Self {
             objects,
@@ -145,7 +150,30 @@ impl Context<'_> {
         let object = item.load(&args, &options)?;
         let mut grasps = read_grasps(path, &options)?.grasps;
         grasps.retain(|g| g.label == Some(true) && self.held.allows(&object.id, g.index));
+        if let Some(least) = self.args.min_p_hold {
+            grasps = self.likely(&object, grasps, least)?;
+        }
         Ok((object, grasps))
+    }
+
+    /// The grasps whose `p_hold` by geometry alone is at least `least`.
+    fn likely(
+        &self,
+        object: &Object,
+        grasps: Vec<Grasp>,
+        least: f64,
+    ) -> Result<Vec<Grasp>, Failure> {
+        let hand = HandModel::new(self.gripper, self.gripper.opening_max_m)?;
+        let judge = HoldJudge::new(object, object.mass.mass_kg, false);
+        let p_hold = |g: &Grasp| {
+            let pose = &g.object_from_hand;
+            let verdict = classify(&hand, &object.surface, pose, &Thresholds::default());
+            judge.p_hold(&hand, &object.surface, pose, &verdict, None)
+        };
+        Ok(grasps
+            .into_par_iter()
+            .filter(|g| p_hold(g) >= least)
+            .collect())
     }
 
     /// Candidates of a shape that held; kept on disk, so that a resumed training tries none twice.

@@ -6,6 +6,7 @@ use cpu_time::ThreadTime;
 use rayon::prelude::*;
 use shakedown_classifier::{Verdict, classify};
 use shakedown_gripper_assets::Grasp;
+use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::Object;
 use shakedown_report::TrialRow;
 use shakedown_report::replay::Replay;
@@ -30,6 +31,7 @@ pub struct Cost {
 pub struct Bench {
     pub object: Object,
     scene: Option<Scene>,
+    judge: Option<HoldJudge>,
 }
 
 impl Bench {
@@ -48,7 +50,34 @@ impl Bench {
         } else {
             None
         };
-        Ok(Self { object, scene })
+        let judge = scene
+            .as_ref()
+            .filter(|_| settings.geometry && HoldJudge::reads(&settings.protocol))
+            .map(|s| HoldJudge::new(&object, s.mass_kg, true));
+        Ok(Self {
+            object,
+            scene,
+            judge,
+        })
+    }
+
+    /// Known where both stages ran and the model was fitted to trials of this protocol.
+    fn p_hold(
+        &self,
+        settings: &Settings,
+        grasp: &Grasp,
+        verdict: Option<&Verdict>,
+        outcome: Option<&Outcome>,
+    ) -> Option<f64> {
+        let judge = self.judge.as_ref()?;
+        let pose = &grasp.object_from_hand;
+        Some(judge.p_hold(
+            &settings.hand,
+            &self.object.surface,
+            pose,
+            verdict?,
+            Some(outcome?),
+        ))
     }
 
     /// The object as the report shows it.
@@ -92,7 +121,8 @@ impl Bench {
                 let replay = trace
                     .flatten()
                     .and_then(|t| outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t)));
-                let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref());
+                let p_hold = self.p_hold(settings, grasp, verdict.as_ref(), outcome.as_ref());
+                let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref(), p_hold);
                 Some((cells, replay))
             })
             .collect()
@@ -121,8 +151,14 @@ fn try_grasp(
     (outcome, trace)
 }
 
-fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>) -> TrialRow {
+fn trial_row(
+    grasp: &Grasp,
+    verdict: Option<&Verdict>,
+    outcome: Option<&Outcome>,
+    p_hold: Option<f64>,
+) -> TrialRow {
     TrialRow {
+        p_hold,
         grasp: grasp.index,
         score: grasp.score,
         label: grasp.label,

@@ -3,9 +3,14 @@
 //! Gradient-boosted trees (J. H. Friedman, Ann. Stat. 29(5), 2001) over [`crate::features`], in a
 //! JSON file that a person can read. `tests/calibration/fit_p_hold.py` makes it.
 
+use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
+use shakedown_classifier::profile::profile;
+use shakedown_classifier::{HandModel, Verdict};
+use shakedown_objects::{Object, Surface};
+use shakedown_sim::{Outcome, Protocol};
 
-use crate::features::NAMES;
+use crate::features::{NAMES, ObjectFacts, features};
 
 /// One node of a tree: a question, or the end.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -103,6 +108,53 @@ impl HoldModel {
         }
         let [slope, shift] = self.calibration.map(f64::from);
         1.0 / (1.0 + (-(slope * logit + shift)).exp())
+    }
+}
+
+/// The model with the facts of one object: what callers ask for `p_hold`.
+pub struct HoldJudge {
+    model: HoldModel,
+    facts: ObjectFacts,
+}
+
+impl HoldJudge {
+    /// For an object of that mass in the trial; `with_trial` if outcomes will be given.
+    pub fn new(object: &Object, mass_kg: f64, with_trial: bool) -> Self {
+        Self {
+            model: HoldModel::built_in(with_trial),
+            facts: ObjectFacts {
+                mass_kg,
+                com_m: object.mass.com_m,
+                extent_m: object.surface.mesh().extents().max(),
+            },
+        }
+    }
+
+    /// Was the model fitted to trials of exactly this protocol: the preset, nothing overridden?
+    pub fn reads(protocol: &Protocol) -> bool {
+        Protocol::load(&protocol.name, &[]).is_ok_and(|preset| preset == *protocol)
+            && HoldModel::built_in(true).protocol == protocol.version
+    }
+
+    /// The probability that a grasp holds.
+    pub fn p_hold(
+        &self,
+        hand: &HandModel,
+        surface: &Surface,
+        object_from_hand: &Isometry3<f64>,
+        verdict: &Verdict,
+        outcome: Option<&Outcome>,
+    ) -> f64 {
+        let lines = profile(hand, surface, object_from_hand);
+        let values = features(
+            hand,
+            &self.facts,
+            object_from_hand,
+            verdict,
+            &lines,
+            outcome,
+        );
+        self.model.p_hold(&values)
     }
 }
 

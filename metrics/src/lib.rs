@@ -3,12 +3,14 @@
 
 pub mod agreement;
 pub mod bootstrap;
+pub mod calibration;
 pub mod compare;
 pub mod features;
 pub mod hold_model;
 pub mod interval;
 pub mod paired;
 pub mod power;
+pub mod ranking;
 pub mod rate;
 pub mod summary;
 

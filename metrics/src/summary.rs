@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agreement::{Agreement, Confusion};
 use crate::bootstrap::cluster_95;
+use crate::calibration::expected_calibration_error;
 use crate::interval::wilson_95;
 use crate::rate::success_at_k;
 
@@ -195,6 +196,7 @@ struct Tally {
     trial: Confusion,
     width_rule: Confusion,
     width_scores: Vec<(f64, bool)>,
+    p_hold: Vec<(f64, bool)>,
 }
 
 impl Tally {
@@ -219,6 +221,7 @@ impl Tally {
             };
             t.labelled[usize::from(label)] += 1;
             t.trial.add(held, label);
+            t.p_hold.extend(row.p_hold.map(|p| (f64::from(p), label)));
             if let Some(g) = row.geometry {
                 // Nothing between the pads is as wide as can be: it cannot hold.
                 let width = g.width_m.map_or(f64::INFINITY, f64::from);
@@ -328,10 +331,10 @@ fn agreement(tallies: &[&Tally]) -> Option<AgreementBlock> {
             Agreement::of(&widths, Some(&scores)),
         );
     }
-    Some(AgreementBlock {
-        trial: Agreement::of(&tables, None),
-        baselines,
-    })
+    let p_hold: Vec<(f64, bool)> = labelled.iter().flat_map(|t| t.p_hold.clone()).collect();
+    let mut trial = Agreement::of(&tables, (!p_hold.is_empty()).then_some(&p_hold[..]));
+    trial.ece = expected_calibration_error(&p_hold);
+    Some(AgreementBlock { trial, baselines })
 }
 
 #[cfg(test)]
@@ -349,6 +352,7 @@ mod tests {
             }),
             outcome: Some((if held { "held" } else { "dropped" }, held)),
             label,
+            p_hold: None,
         }
     }
 

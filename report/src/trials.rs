@@ -54,6 +54,8 @@ pub struct TrialRow {
     pub geometry: Option<GeometryCells>,
     /// Outcome and measurements of the trial.
     pub physics: Option<PhysicsCells>,
+    /// Calibrated probability to hold.
+    pub p_hold: Option<f64>,
 }
 
 /// Cells of the classifier.
@@ -149,8 +151,7 @@ pub fn write_row(out: &mut impl Write, object: &str, row: &TrialRow) -> std::io:
         }
         None => line.push_str(",,,,,,,,"),
     }
-    // p_hold: unknown until a calibrated model exists.
-    line.push(',');
+    number(&mut line, row.p_hold);
     line.push(',');
     line.push_str(row.physics.as_ref().map_or("", |p| p.stage));
     number(&mut line, row.physics.as_ref().and_then(|p| p.margin_g));
@@ -195,6 +196,7 @@ mod tests {
                 stage: "hold",
                 margin_g: Some(3.5),
             }),
+            p_hold: None,
         };
         let mut out = Vec::new();
         write_header(&mut out).unwrap();

@@ -39,30 +39,38 @@ pub fn histogram(values: &[f32], centres: &[f32]) -> Vec<f32> {
         .collect()
 }
 
-/// Points fixed to the hand (tcp frame, metres; x closing, z approach): a fine grid over fingers,
-/// palm and the space between, a coarse one around them.
+/// Points fixed to the hand (tcp frame, metres; x closing, z approach). Some fill the open fingers
+/// and the palm, so that a distance below the spacing tells a collision; some fill the space
+/// between the pads; a coarse grid says what lies around.
 pub fn control_points_m() -> Vec<[f64; 3]> {
     let mut points = Vec::new();
-    for x in -4..=4 {
-        for y in -1..=1 {
-            for z in -4..=2 {
-                let z_m = 0.005 + 0.015 * f64::from(z);
-                points.push([0.015 * f64::from(x), 0.02 * f64::from(y), z_m]);
+    let mut grid = |xs: &[f64], ys: &[f64], zs: &[f64]| {
+        for x in xs {
+            for y in ys {
+                for z in zs {
+                    points.push([*x, *y, *z]);
+                }
             }
         }
-    }
-    for x in -2..=2 {
-        for y in -2..=2 {
-            for z in -2..=2 {
-                let step = 0.05;
-                points.push([
-                    step * f64::from(x),
-                    step * f64::from(y),
-                    step * f64::from(z),
-                ]);
-            }
-        }
-    }
+    };
+    let fingers = [-0.054, -0.047, -0.041, 0.041, 0.047, 0.054];
+    grid(
+        &fingers,
+        &[-0.009, 0.0, 0.009],
+        &[-0.038, -0.026, -0.014, -0.002, 0.008],
+    );
+    let across = [-0.09, -0.06, -0.03, 0.0, 0.03, 0.06, 0.09];
+    grid(&across, &[-0.02, 0.0, 0.02], &[-0.095, -0.07, -0.046]);
+    let between = [
+        -0.032, -0.024, -0.016, -0.008, 0.0, 0.008, 0.016, 0.024, 0.032,
+    ];
+    grid(
+        &between,
+        &[-0.009, 0.0, 0.009],
+        &[-0.026, -0.014, -0.002, 0.008],
+    );
+    let around = [-0.1, -0.05, 0.0, 0.05, 0.1];
+    grid(&around, &around, &around);
     points
 }
 

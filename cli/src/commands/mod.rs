@@ -10,6 +10,7 @@ pub mod merge;
 pub mod models;
 pub mod objects;
 pub mod protocols;
+pub mod rank;
 pub mod run;
 pub mod sample;
 #[cfg(feature = "train")]

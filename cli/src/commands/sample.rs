@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use shakedown_gripper_assets::{GraspFile, GraspFormat, Gripper, ObjectReference, write_grasps};
+use shakedown_gripper_assets::{
+    GraspFile, GraspFormat, Gripper, ObjectReference, ReadOptions, write_grasps,
+};
 
-use crate::args::{Global, SampleArgs};
+use crate::args::{Global, ObjectArgs, SampleArgs};
 use crate::failure::{Exit, Failure};
 use crate::grasps;
-use crate::plan::{Material, Plan};
+use crate::plan::{Item, Material, Plan};
 use crate::progress;
 use crate::settings::Source;
 
@@ -37,24 +39,12 @@ pub fn run(global: &Global, args: &SampleArgs) -> Result<Exit, Failure> {
         } else {
             args.out.clone()
         };
-        let (mesh, scale) = match &item.material {
-            Material::Mesh(spec) => (Some(spec.mesh.clone()), args.object.scale.or(spec.scale)),
-            Material::Shape(_) => (None, None),
-            Material::GraspFile(path) => {
-                let file = shakedown_gripper_assets::read_grasps(path, &options)?;
-                (file.object.mesh.map(PathBuf::from), file.object.scale)
-            }
-        };
         let count = selected.grasps.len();
         write_grasps(&GraspFile {
             path: path.clone(),
             format,
             gripper: Some(gripper.name.clone()),
-            object: ObjectReference {
-                mesh: mesh.map(|m| m.display().to_string()),
-                scale: scale.or(Some(1.0)),
-                ..ObjectReference::default()
-            },
+            object: reference_of(item, &args.object, &options)?,
             grasps: selected.grasps,
             reorthonormalised: 0,
         })?;
@@ -66,7 +56,32 @@ pub fn run(global: &Global, args: &SampleArgs) -> Result<Exit, Failure> {
     Ok(Exit::Success)
 }
 
-fn by_extension(path: &Path) -> GraspFormat {
+/// What a grasp file says of the object of an item.
+///
+/// # Errors
+/// An item whose grasp file cannot be read.
+pub fn reference_of(
+    item: &Item,
+    args: &ObjectArgs,
+    options: &ReadOptions,
+) -> Result<ObjectReference, Failure> {
+    let (mesh, scale) = match &item.material {
+        Material::Mesh(spec) => (Some(spec.mesh.clone()), args.scale.or(spec.scale)),
+        Material::Shape(_) => (None, None),
+        Material::GraspFile(path) => {
+            let file = shakedown_gripper_assets::read_grasps(path, options)?;
+            (file.object.mesh.map(PathBuf::from), file.object.scale)
+        }
+    };
+    Ok(ObjectReference {
+        mesh: mesh.map(|m| m.display().to_string()),
+        scale: scale.or(Some(1.0)),
+        ..ObjectReference::default()
+    })
+}
+
+/// The format that a file's name asks for.
+pub fn by_extension(path: &Path) -> GraspFormat {
     match path.extension().and_then(|e| e.to_str()) {
         Some("yaml" | "yml") => GraspFormat::IsaacYaml,
         Some("npz") => GraspFormat::Npz,
