@@ -11,7 +11,7 @@ use shakedown_sim::{Protocol, ProtocolError};
 
 /// Does this grasp hold? Simulated grasp trials, regression benchmarking, candidate ranking.
 ///
-/// Without a subcommand: `run` on the embedded objects with antipodal candidates.
+/// Without a subcommand: `run` on the embedded objects with grasps drawn from the built-in model.
 #[derive(Parser)]
 #[command(
     name = "shakedown",
@@ -200,7 +200,8 @@ pub struct SourceArgs {
     /// Frame of the poses: acronym, panda_hand or tcp
     #[arg(long, value_name = "FRAME")]
     pub frame: Option<HandFrame>,
-    /// Flow model: a directory with model.toml, encoder.onnx, velocity.onnx
+    /// Flow model: a built-in name (default: rfm-embedded), or a directory with model.toml,
+    /// encoder.onnx, velocity.onnx
     #[arg(long, value_name = "NAME|DIR", conflicts_with = "sampler")]
     pub model: Option<String>,
     /// ONNX Runtime library to use instead of the built-in tract
@@ -209,7 +210,7 @@ pub struct SourceArgs {
     /// Integration steps of the model (default: its card's)
     #[arg(long)]
     pub steps: Option<NonZeroUsize>,
-    /// Candidates without a model
+    /// Draw candidates without a model
     #[arg(long, value_enum)]
     pub sampler: Option<Sampler>,
     /// Candidates per object, for samplers
@@ -523,9 +524,18 @@ pub struct TrainArgs {
     /// `best`, `paper`, or a TOML file of the same keys
     #[arg(long, default_value = "best", value_name = "NAME|FILE")]
     pub preset: String,
+    /// Second stage: straighten the paths of the model trained in DIR and correct its mistakes
+    #[arg(long, value_name = "DIR")]
+    pub rectify: Option<PathBuf>,
+    /// With --rectify: paths per object
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    pub paths: u64,
     /// Steps, instead of the preset's
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
+    /// Highest learning rate, instead of the preset's
+    #[arg(long, value_name = "X")]
+    pub learning_rate: Option<f32>,
     /// Stop after that long; `--resume` goes on
     #[arg(long, value_name = "M")]
     pub minutes: Option<f64>,

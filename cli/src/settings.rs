@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use shakedown_classifier::{HandModel, Thresholds};
 use shakedown_gripper_assets::Gripper;
-use shakedown_sampler::AntipodalSettings;
+use shakedown_sampler::{AntipodalSettings, ModelCard, ModelFiles, built_in_names};
 use shakedown_sim::Protocol;
 
-use crate::args::{RunArgs, SourceArgs, Stage};
+use crate::args::{RunArgs, Sampler, SourceArgs, Stage};
 use crate::failure::Failure;
 
 /// What tries grasps and how.
@@ -61,22 +61,22 @@ impl Source {
         if !args.grasps.is_empty() {
             return Ok(Self::Files);
         }
-        match &args.model {
-            None => Ok(Self::Antipodal(AntipodalSettings::default())),
-            Some(name) => Self::model(name, args),
+        let antipodal = Self::Antipodal(AntipodalSettings::default());
+        match (&args.model, args.sampler) {
+            (Some(name), _) => Self::model(name, args),
+            (None, Some(Sampler::Antipodal)) => Ok(antipodal),
+            (None, None) if cfg!(feature = "onnx") => {
+                let name = built_in_names().next().expect("there is a default model");
+                Self::model(name, args)
+            }
+            (None, None) => Ok(antipodal),
         }
     }
 
     #[cfg(feature = "onnx")]
     fn model(name: &str, args: &SourceArgs) -> Result<Self, Failure> {
-        let directory = PathBuf::from(name);
-        if !directory.is_dir() {
-            return Err(Failure::input(format!(
-                "there is no model {name:?}: no model is built in yet; give a directory with \
-                 model.toml, encoder.onnx and velocity.onnx, or use --sampler antipodal"
-            )));
-        }
-        let model = shakedown_sampler::FlowModel::load(&directory, args.ort.as_deref())?;
+        let files = ModelFiles::find(name)?;
+        let model = shakedown_sampler::FlowModel::open(&files, args.ort.as_deref())?;
         Ok(Self::Model(Box::new(std::sync::Mutex::new(model))))
     }
 
@@ -102,9 +102,15 @@ impl Source {
             #[cfg(feature = "onnx")]
             Self::Model(model) => {
                 let model = model.lock().expect("nobody panics while holding it");
+                // The points are part of the hash and would fill pages.
+                let card = ModelCard {
+                    control_points_m: Vec::new(),
+                    ..model.card.clone()
+                };
                 serde_json::json!({
                     "from": "model",
-                    "card": model.card,
+                    "card": card,
+                    "hash": model.hash,
                     "runtime": { "name": model.runtime.name, "version": model.runtime.version },
                     "steps": args.steps,
                     "candidates": args.candidates,

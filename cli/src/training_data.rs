@@ -3,16 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use rayon::prelude::*;
-use shakedown_classifier::{HandModel, Thresholds, classify};
+use shakedown_classifier::{Class, HandModel, Thresholds, classify};
 use shakedown_gripper_assets::{
     Grasp, GraspFile, GraspFormat, Gripper, ReadOptions, read_grasps, write_grasps,
 };
 use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::Object;
 use shakedown_objects::shapes::{Family, Shape, Split};
-use shakedown_sampler::{AntipodalSettings, sample_antipodal};
+use shakedown_sampler::{AntipodalSettings, FlowModel, FlowSample, sample_antipodal};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::{Preset, TrainingObject};
 
@@ -63,19 +64,30 @@ impl TrainingData {
             protocol,
             held: &held,
         };
+        let teacher = match &args.rectify {
+            Some(directory) => {
+                let model = FlowModel::load(directory, args.ort.as_deref())?;
+                Some(Mutex::new(model))
+            }
+            None => None,
+        };
         let every = sources.len().div_ceil(VALIDATION_OBJECTS);
         let loaded: Vec<(TrainingObject, Option<Object>)> = sources
             .par_iter()
             .enumerate()
             .map(|(i, source)| {
                 let (object, good) = context.good_grasps(source)?;
-                let trained = TrainingObject::new(
+                let mut trained = TrainingObject::new(
                     &object.id,
                     &object.surface,
                     &good,
                     gripper.tcp_z_m,
                     preset,
                 )?;
+                if let Some(teacher) = teacher.as_ref().filter(|_| !good.is_empty()) {
+                    let ends = context.paths(teacher, &object)?;
+                    trained.rectify(&ends, preset.training.translation_weight);
+                }
                 bar.inc(1);
                 Ok((trained, (i % every == 0).then_some(object)))
             })
@@ -173,6 +185,33 @@ impl Context<'_> {
         Ok(grasps
             .into_par_iter()
             .filter(|g| p_hold(g) >= least)
+            .collect())
+    }
+
+    /// Where the teacher takes noise, and whether that is a grasp that geometry approves of: no
+    /// collision, within reach, and as likely to hold as is asked of the data.
+    fn paths(
+        &self,
+        teacher: &Mutex<FlowModel>,
+        object: &Object,
+    ) -> Result<Vec<(FlowSample, FlowSample, bool)>, Failure> {
+        let paths = teacher
+            .lock()
+            .expect("nobody panics while holding it")
+            .paths(object, self.gripper, self.args.paths, self.global.seed, None)?;
+        let hand = HandModel::new(self.gripper, self.gripper.opening_max_m)?;
+        let judge = HoldJudge::new(object, object.mass.mass_kg, false);
+        let least = self.args.min_p_hold.unwrap_or(0.5);
+        Ok(paths
+            .into_par_iter()
+            .map(|path| {
+                let pose = &path.object_from_hand;
+                let surface = &object.surface;
+                let verdict = classify(&hand, surface, pose, &Thresholds::default());
+                let is_good = verdict.class() == Class::Optimal
+                    && judge.p_hold(&hand, surface, pose, &verdict, None) >= least;
+                (path.noise, path.end, is_good)
+            })
             .collect())
     }
 

@@ -1,7 +1,6 @@
 //! What is this model? The card `model.toml` beside the two graphs.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -112,21 +111,16 @@ pub struct ModelCard {
 }
 
 impl ModelCard {
-    /// Reads and checks `directory/model.toml`.
+    /// Reads and checks a card; `path` names it in errors.
     ///
     /// # Errors
-    /// A missing file, an unknown key, a value out of range.
-    pub fn read(directory: &Path) -> Result<Self, ModelError> {
-        let path = directory.join("model.toml");
-        let text = fs::read_to_string(&path).map_err(|source| ModelError::Io {
-            path: path.clone(),
-            source,
-        })?;
-        let card: Self = toml::from_str(&text).map_err(|e| {
+    /// An unknown key, a value out of range.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
+        let card: Self = toml::from_str(text).map_err(|e| {
             let line = e
                 .span()
                 .map_or(1, |s| text[..s.start].matches('\n').count() + 1);
-            ModelError::bad(&path, format!("line {line}: {}", e.message()))
+            ModelError::bad(path, format!("line {line}: {}", e.message()))
         })?;
         let complaint = if !(8..=256).contains(&card.resolution) {
             Some(format!(
@@ -146,7 +140,7 @@ impl ModelCard {
             None
         };
         match complaint {
-            Some(what) => Err(ModelError::bad(&path, what)),
+            Some(what) => Err(ModelError::bad(path, what)),
             None => Ok(card),
         }
     }

@@ -6,6 +6,7 @@
 
 pub mod antipodal;
 pub mod card;
+pub mod files;
 pub mod flow;
 pub mod seed;
 
@@ -16,6 +17,7 @@ pub mod runtime;
 
 pub use antipodal::{AntipodalSettings, sample_antipodal};
 pub use card::{Integrator, ModelCard, ModelError};
+pub use files::{ModelFiles, built_in_names};
 pub use flow::{FlowSample, VelocityField, integrate};
 #[cfg(feature = "onnx")]
-pub use network::FlowModel;
+pub use network::{FlowModel, FlowPath};

@@ -10,6 +10,7 @@ use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
 use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
 
 use crate::card::{ModelCard, ModelError};
+use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, integrate};
 use crate::runtime::{Runtime, runtime};
 use crate::seed;
@@ -25,10 +26,23 @@ struct Extras {
     sdf_at_points: bool,
 }
 
+/// Where a grasp came from and where it ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlowPath {
+    /// Start of the path, normalised frame of the model.
+    pub noise: FlowSample,
+    /// End of the path, normalised frame of the model.
+    pub end: FlowSample,
+    /// The end as a grasp, ACRONYM frame.
+    pub object_from_hand: Isometry3<f64>,
+}
+
 /// A loaded and checked model.
 pub struct FlowModel {
     /// Its card.
     pub card: ModelCard,
+    /// blake3 of its files.
+    pub hash: String,
     /// The engine that runs it.
     pub runtime: Runtime,
     frame: HandFrame,
@@ -41,13 +55,22 @@ pub struct FlowModel {
 }
 
 impl FlowModel {
-    /// Loads `directory/{model.toml, encoder.onnx, velocity.onnx}` and checks every name, type
-    /// and shape against the contract and the card.
+    /// Loads `directory/{model.toml, encoder.onnx, velocity.onnx}`; see [`FlowModel::open`].
     ///
     /// # Errors
     /// Says which file and which tensor is wrong, and what was expected.
     pub fn load(directory: &Path, ort: Option<&Path>) -> Result<Self, ModelError> {
-        let card = ModelCard::read(directory)?;
+        Self::open(&ModelFiles::read(directory)?, ort)
+    }
+
+    /// Makes a model of its files and checks every name, type and shape against the contract and
+    /// the card.
+    ///
+    /// # Errors
+    /// Says which file and which tensor is wrong, and what was expected.
+    pub fn open(files: &ModelFiles, ort: Option<&Path>) -> Result<Self, ModelError> {
+        let card = files.parsed_card()?;
+        let directory = &files.place;
         let toml = directory.join("model.toml");
         let frame: HandFrame = card
             .frame
@@ -55,8 +78,8 @@ impl FlowModel {
             .map_err(|e: String| ModelError::bad(&toml, format!("frame: {e}")))?;
         let encoder_path = directory.join("encoder.onnx");
         let velocity_path = directory.join("velocity.onnx");
-        let (runtime, encoder) = open(&encoder_path, ort)?;
-        let (_, velocity) = open(&velocity_path, ort)?;
+        let (runtime, encoder) = session(&encoder_path, &files.encoder, ort)?;
+        let (_, velocity) = session(&velocity_path, &files.velocity, ort)?;
         let d = card.resolution as i64;
         let check = Check {
             path: &encoder_path,
@@ -91,8 +114,10 @@ impl FlowModel {
         if extras.sdf_at_points {
             check.input("sdf_at_points", &[-1, card.control_points_m.len() as i64])?;
         }
+        let hash = files.hash();
         let mut model = Self {
             card,
+            hash,
             runtime,
             frame,
             encoder,
@@ -123,10 +148,30 @@ impl FlowModel {
         run_seed: u64,
         steps: Option<usize>,
     ) -> Result<Vec<Grasp>, ModelError> {
+        let pairs = self.paths(object, gripper, count, run_seed, steps)?;
+        Ok(pairs
+            .into_iter()
+            .enumerate()
+            .map(|(i, path)| Grasp::new(i as u64, path.object_from_hand))
+            .collect())
+    }
+
+    /// As [`FlowModel::sample`], with the noise that each grasp came from.
+    ///
+    /// # Errors
+    /// A network that fails or returns non-finite numbers.
+    pub fn paths(
+        &mut self,
+        object: &Object,
+        gripper: &Gripper,
+        count: u64,
+        run_seed: u64,
+        steps: Option<usize>,
+    ) -> Result<Vec<FlowPath>, ModelError> {
         let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
         let latent = self.bind(&sdf.values, sdf.scale_m, Some(&object.id))?;
-        let mut samples: Vec<FlowSample> = (0..count)
+        let noise: Vec<FlowSample> = (0..count)
             .map(|index| {
                 let mut rng = seed::stream(run_seed, "flow-v1", &object.id, &gripper.name, index);
                 FlowSample {
@@ -135,22 +180,26 @@ impl FlowModel {
                 }
             })
             .collect();
+        let mut ends = noise.clone();
         let (steps, integrator) = (steps.unwrap_or(self.card.steps), self.card.integrator);
-        let tcp_z_m = gripper.tcp_z_m;
         let frame = self.frame;
         let mut field = Bound {
             model: self,
             latent,
             sdf: &sdf,
         };
-        integrate(&mut field, &mut samples, steps, integrator, BATCH)?;
-        Ok(samples
-            .iter()
-            .enumerate()
-            .map(|(i, s)| {
-                let translation = sdf.centre_m.coords + s.translation * sdf.scale_m;
-                let pose = Isometry3::from_parts(Translation3::from(translation), s.rotation);
-                Grasp::new(i as u64, frame.to_hand(&pose, tcp_z_m))
+        integrate(&mut field, &mut ends, steps, integrator, BATCH)?;
+        Ok(noise
+            .into_iter()
+            .zip(ends)
+            .map(|(noise, end)| {
+                let translation = sdf.centre_m.coords + end.translation * sdf.scale_m;
+                let pose = Isometry3::from_parts(Translation3::from(translation), end.rotation);
+                FlowPath {
+                    noise,
+                    end,
+                    object_from_hand: frame.to_hand(&pose, gripper.tcp_z_m),
+                }
             })
             .collect())
     }
@@ -271,10 +320,11 @@ impl VelocityField for Bound<'_> {
     }
 }
 
-fn open(path: &Path, ort: Option<&Path>) -> Result<(Runtime, Session), ModelError> {
-    if !path.exists() {
-        return Err(ModelError::bad(path, "the file is missing"));
-    }
+fn session(
+    path: &Path,
+    bytes: &[u8],
+    ort: Option<&Path>,
+) -> Result<(Runtime, Session), ModelError> {
     let (runtime, environment) = runtime(ort).map_err(|e| ModelError::bad(path, e))?;
     let session = Session::builder(environment)
         .map_err(|e| failed(path, &e))?
@@ -282,7 +332,7 @@ fn open(path: &Path, ort: Option<&Path>) -> Result<(Runtime, Session), ModelErro
         .map_err(|e| failed(path, &e))?
         .with_intra_threads(1)
         .map_err(|e| failed(path, &e))?
-        .commit_from_file(path)
+        .commit_from_memory(bytes)
         .map_err(|e| ModelError::bad(path, format!("not a usable ONNX graph: {e}")))?;
     Ok((runtime.clone(), session))
 }

@@ -98,32 +98,22 @@ impl<'a> Batches<'a> {
         let turned_by = Isometry3::from_parts(Translation3::identity(), rotation);
         let scale_m = sdf.scale_m as f32;
         let k = self.preset.training.grasps_per_object;
-        let mut grasps: Vec<Isometry3<f32>> = (0..k)
-            .map(|_| {
-                let mut pose = object.poses[rng.random_range(0..object.poses.len())];
-                if rng.random::<bool>() {
-                    pose.rotation *= pairing::half_turn();
-                }
-                turned_by * pose
-            })
-            .collect();
-        let noise: Vec<Isometry3<f32>> = (0..k)
-            .map(|_| {
-                let t = seed::normal_vector(rng) * flow.noise_translation_std;
-                let r = seed::uniform_rotation(rng);
-                Isometry3::from_parts(Translation3::from(t.cast()), r.cast())
-            })
-            .collect();
         let unit = if network.hand_frame {
             scale_m / LENGTH_UNIT_M
         } else {
             1.0
         };
-        if flow.optimal_transport {
-            let weight = self.preset.training.translation_weight;
-            let order = pairing::optimal(&noise, &grasps, unit, weight);
-            grasps = order.into_iter().map(|j| grasps[j]).collect();
-        }
+        let (noise, grasps): (Vec<Isometry3<f32>>, Vec<Isometry3<f32>>) = if object.pairs.is_empty()
+        {
+            self.drawn(object, &turned_by, unit, rng)
+        } else {
+            (0..k)
+                .map(|_| {
+                    let (a, b) = object.pairs[rng.random_range(0..object.pairs.len())];
+                    (turned_by * a, turned_by * b)
+                })
+                .unzip()
+        };
         let width = features::count(network);
         let mut features = vec![0.0; k * width];
         let mut targets = Vec::with_capacity(6 * k);
@@ -159,6 +149,39 @@ impl<'a> Batches<'a> {
             features,
             targets,
         }
+    }
+
+    /// Fresh noise and random grasps of an object, paired as the preset says.
+    fn drawn(
+        &self,
+        object: &TrainingObject,
+        turned_by: &Isometry3<f32>,
+        unit: f32,
+        rng: &mut ChaCha8Rng,
+    ) -> (Vec<Isometry3<f32>>, Vec<Isometry3<f32>>) {
+        let (flow, training) = (&self.preset.flow, &self.preset.training);
+        let k = training.grasps_per_object;
+        let mut grasps: Vec<Isometry3<f32>> = (0..k)
+            .map(|_| {
+                let mut pose = object.poses[rng.random_range(0..object.poses.len())];
+                if rng.random::<bool>() {
+                    pose.rotation *= pairing::half_turn();
+                }
+                turned_by * pose
+            })
+            .collect();
+        let noise: Vec<Isometry3<f32>> = (0..k)
+            .map(|_| {
+                let t = seed::normal_vector(rng) * flow.noise_translation_std;
+                let r = seed::uniform_rotation(rng);
+                Isometry3::from_parts(Translation3::from(t.cast()), r.cast())
+            })
+            .collect();
+        if flow.optimal_transport {
+            let order = pairing::optimal(&noise, &grasps, unit, training.translation_weight);
+            grasps = order.into_iter().map(|j| grasps[j]).collect();
+        }
+        (noise, grasps)
     }
 }
 

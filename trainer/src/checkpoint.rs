@@ -67,6 +67,23 @@ pub fn save(directory: &Path, preset: &Preset, weights: &Weights) -> Result<(), 
     })
 }
 
+/// The averaged weights of another training, whose network must be that of `preset`.
+///
+/// # Errors
+/// No checkpoint, a damaged one, another network.
+pub fn averaged(directory: &Path, preset: &Preset) -> Result<Vec<Parameter>, TrainError> {
+    let beside = directory.join(PRESET);
+    let text = fs::read_to_string(&beside).map_err(|e| TrainError::io("read", &beside, e))?;
+    let own = Preset::parse(&text, &beside)?;
+    if own.network != preset.network || own.flow.frame != preset.flow.frame {
+        return Err(TrainError::bad(
+            &beside,
+            "its network is not that of the preset: rectify with the preset it was trained with",
+        ));
+    }
+    Ok(load(directory, &own)?.averaged())
+}
+
 /// Reads the checkpoint of `directory`, which must be one of `preset`.
 ///
 /// # Errors

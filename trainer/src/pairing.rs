@@ -31,6 +31,22 @@ fn cost(from: &Isometry3<f32>, to: &Isometry3<f32>, unit: f32, weight: f32) -> f
     angle * angle + weight * way.norm_squared()
 }
 
+/// The grasp of least cost from a pose, in the flip that is nearer.
+///
+/// # Panics
+/// If there is no grasp.
+pub fn nearest(
+    from: &Isometry3<f32>,
+    grasps: &[Isometry3<f32>],
+    unit: f32,
+    weight: f32,
+) -> Isometry3<f32> {
+    let best = grasps
+        .iter()
+        .min_by(|a, b| cost(from, a, unit, weight).total_cmp(&cost(from, b, unit, weight)));
+    nearer_flip(from, best.expect("there are grasps"))
+}
+
 /// The assignment `noise[i] -> grasps[result[i]]` of least total cost (H. W. Kuhn, 1955).
 ///
 /// `unit` turns translations into the unit of the loss, `weight` is its weight there.

@@ -144,11 +144,19 @@ impl Preset {
                 .map_or(1, |s| text[..s.start].matches('\n').count() + 1);
             TrainError::bad(path, format!("line {line}: {}", e.message()))
         })?;
-        preset.check().map_err(|what| TrainError::bad(path, what))?;
+        preset.checked().map_err(|what| TrainError::bad(path, what))?;
         Ok(preset)
     }
 
-    fn check(&self) -> Result<(), String> {
+    /// Checks values that were changed after reading.
+    ///
+    /// # Errors
+    /// A value out of range.
+    pub fn check(&self) -> Result<(), TrainError> {
+        self.checked().map_err(TrainError::Data)
+    }
+
+    fn checked(&self) -> Result<(), String> {
         let (n, f, t) = (&self.network, &self.flow, &self.training);
         let within = |name: &str, value: usize, low: usize, high: usize| {
             if (low..=high).contains(&value) {

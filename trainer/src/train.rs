@@ -36,6 +36,9 @@ pub struct Training<'a> {
     pub provenance: &'a Provenance,
     /// Go on from the checkpoint in `out`.
     pub resume: bool,
+    /// Start from the averaged weights of the checkpoint in this directory, which has the same
+    /// network.
+    pub start_from: Option<&'a Path>,
     /// Stop after that long; the checkpoint can be resumed.
     pub time_limit: Option<Duration>,
     /// Steps between two checkpoints.
@@ -91,6 +94,8 @@ pub fn train(training: &Training<'_>, observer: &mut dyn Observer) -> Result<boo
             out,
             "holds a checkpoint already: --resume goes on from it, another --out starts afresh",
         ));
+    } else if let Some(teacher) = training.start_from {
+        Weights::new(checkpoint::averaged(teacher, preset)?)
     } else {
         Weights::new(network::initial(preset, training.run_seed))
     };

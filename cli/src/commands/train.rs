@@ -34,6 +34,10 @@ pub fn run(global: &Global, args: &TrainArgs) -> Result<Exit, Failure> {
     if let Some(steps) = args.steps {
         preset.training.steps = steps.max(1);
     }
+    if let Some(rate) = args.learning_rate {
+        preset.training.learning_rate = rate;
+    }
+    preset.check()?;
     let gripper = Gripper::load(&args.gripper)?;
     let protocol = args.protocol.load()?;
     let data = TrainingData::load(global, args, &preset, &gripper, &protocol)?;
@@ -51,8 +55,15 @@ pub fn run(global: &Global, args: &TrainArgs) -> Result<Exit, Failure> {
     let provenance = Provenance {
         name: args.name.clone().or(directory_name).unwrap_or_default(),
         description: format!(
-            "Riemannian flow matching on SE(3), preset {}, {} steps, seed {}",
-            preset.name, preset.training.steps, global.seed
+            "Riemannian flow matching on SE(3), preset {}, {} steps{}, seed {}",
+            preset.name,
+            preset.training.steps,
+            if args.rectify.is_some() {
+                " on the rectified paths of an earlier training"
+            } else {
+                ""
+            },
+            global.seed
         ),
         licence,
         training_data: data.description.clone(),
@@ -78,6 +89,7 @@ pub fn run(global: &Global, args: &TrainArgs) -> Result<Exit, Failure> {
         out: &args.out,
         provenance: &provenance,
         resume: args.resume,
+        start_from: args.rectify.as_deref(),
         time_limit: args
             .minutes
             .map(|m| Duration::from_secs_f64(60.0 * m.max(0.0))),

@@ -1,0 +1,288 @@
+//! Claims about training: what is exported is what was trained, a kill changes no bit, and what
+//! cannot be learned is said.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use shakedown_gripper_assets::Gripper;
+use shakedown_objects::Object;
+use shakedown_objects::shapes::Family;
+use shakedown_sampler::{AntipodalSettings, FlowModel, sample_antipodal};
+use shakedown_trainer::batch::{Batch, Batches};
+use shakedown_trainer::export::{Provenance, export};
+use shakedown_trainer::history::Entry;
+use shakedown_trainer::network::{Network, initial};
+use shakedown_trainer::train::forward;
+use shakedown_trainer::{
+    Observer, Preset, Progress, TrainError, Training, TrainingObject, features, train,
+};
+
+struct Quiet;
+
+impl Observer for Quiet {
+    fn progress(&mut self, _: &Progress) {}
+    fn validate(&mut self, directory: &Path, _: u64) -> Result<BTreeMap<String, f64>, String> {
+        FlowModel::load(directory, None).map_err(|e| e.to_string())?;
+        Ok(BTreeMap::from([("loads".to_owned(), 1.0)]))
+    }
+}
+
+fn small(name: &str) -> Preset {
+    let mut preset = Preset::load(name).unwrap();
+    preset.network.width = 24;
+    preset.network.layers = 3;
+    preset.network.latent = 8;
+    preset.flow.resolution = 16;
+    preset.training.objects_per_batch = 2;
+    preset.training.grasps_per_object = 8;
+    preset.training.steps = 100;
+    preset
+}
+
+fn object(family: Family) -> Object {
+    family.member(0).object().unwrap()
+}
+
+fn data(preset: &Preset) -> Vec<TrainingObject> {
+    let gripper = Gripper::load("franka_panda").unwrap();
+    [Family::Box, Family::Ring]
+        .into_iter()
+        .map(|family| {
+            let object = object(family);
+            let grasps = sample_antipodal(&object, &gripper, 20, 0, &AntipodalSettings::default());
+            TrainingObject::new(&object.id, &object.surface, &grasps, gripper.tcp_z_m, preset)
+                .unwrap()
+        })
+        .collect()
+}
+
+fn training<'a>(
+    preset: &'a Preset,
+    objects: &'a [TrainingObject],
+    out: &'a Path,
+    provenance: &'a Provenance,
+) -> Training<'a> {
+    Training {
+        preset,
+        objects,
+        run_seed: 3,
+        out,
+        provenance,
+        resume: false,
+        start_from: None,
+        time_limit: None,
+        checkpoint_steps: 50,
+        validation_steps: 0,
+    }
+}
+
+fn provenance() -> Provenance {
+    Provenance {
+        name: "test".into(),
+        licence: "MIT OR Apache-2.0".into(),
+        training_data: "two shapes".into(),
+        command: "cargo test".into(),
+        gripper: "franka_panda".into(),
+        ..Provenance::default()
+    }
+}
+
+/// One Euler step of the exported graphs goes where the network in Rust says, within 1e-5. The
+/// runtime is tract, or an ONNX Runtime where `ORT_DYLIB_PATH` names one.
+#[test]
+fn the_exported_graphs_are_the_network() {
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["paper", "best"] {
+        let preset = small(name);
+        let mut parameters = initial(&preset, 1);
+        // Biases too, so that a wrong one would show.
+        for p in &mut parameters {
+            for (i, v) in p.values.iter_mut().enumerate() {
+                *v += 0.01 * ((i * 7919) % 13) as f32 - 0.06;
+            }
+        }
+        let out = dir.path().join(name);
+        export(&out, &preset, &parameters, &provenance()).unwrap();
+        let mut model = FlowModel::load(&out, None).unwrap();
+        let object = object(Family::Mug);
+        let paths = model.paths(&object, &gripper, 6, 4, Some(1)).unwrap();
+        let own = TrainingObject::new("mug", &object.surface, &[], gripper.tcp_z_m, &preset);
+        let own = own.unwrap();
+        let width = features::count(&preset.network);
+        let points: Vec<Point3<f32>> = features::control_points_m()
+            .into_iter()
+            .map(|p| Point3::from(p).cast())
+            .collect();
+        let mut batch = Batch {
+            grids: match name {
+                "paper" => own.sdf.values.clone(),
+                _ => own.histogram.clone(),
+            },
+            scale_m: vec![own.sdf.scale_m as f32],
+            features: vec![0.0; width * paths.len()],
+            targets: Vec::new(),
+        };
+        for (path, out) in paths.iter().zip(batch.features.chunks_mut(width)) {
+            let pose = Isometry3::from_parts(
+                Translation3::from(path.noise.translation.cast::<f32>()),
+                path.noise.rotation.cast(),
+            );
+            features::write(&preset.network, &points, &own.sdf, &pose, 0.0, out);
+        }
+        let network = Network::new(&preset, &parameters).unwrap();
+        let raw = forward(&preset, &network, &batch).unwrap();
+        for (path, raw) in paths.iter().zip(raw.to_vec2::<f32>().unwrap()) {
+            let xi = |r: usize, c: usize| f64::from(raw[3 * r + c]);
+            let omega = Vector3::new(
+                (xi(2, 1) - xi(1, 2)) / 2.0,
+                (xi(0, 2) - xi(2, 0)) / 2.0,
+                (xi(1, 0) - xi(0, 1)) / 2.0,
+            );
+            let mut v = Vector3::new(raw[9].into(), raw[10].into(), raw[11].into());
+            if preset.network.hand_frame {
+                v = path.noise.rotation * v * (0.1 / own.sdf.scale_m);
+            }
+            let end = path.noise.rotation * UnitQuaternion::new(omega);
+            assert!(end.angle_to(&path.end.rotation) < 2e-5, "{name}");
+            let way = path.end.translation - path.noise.translation;
+            assert!((way - v).norm() < 1e-5 * (1.0 + v.norm()), "{name}: {way} {v}");
+        }
+    }
+}
+
+#[test]
+fn a_stopped_training_resumes_to_the_same_bytes_on_any_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    for name in ["paper", "best"] {
+        let preset = small(name);
+        let objects = data(&preset);
+        let facts = provenance();
+        let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let whole = d.join(format!("{name}-whole"));
+        let done = pool(1).install(|| train(&training(&preset, &objects, &whole, &facts), &mut Quiet));
+        assert!(done.unwrap());
+        let cut = d.join(format!("{name}-cut"));
+        let mut first = training(&preset, &objects, &cut, &facts);
+        first.time_limit = Some(Duration::ZERO);
+        let done = pool(2).install(|| train(&first, &mut Quiet));
+        assert!(!done.unwrap(), "it stops before the last step");
+        let mut second = training(&preset, &objects, &cut, &facts);
+        second.resume = true;
+        assert!(train(&second, &mut Quiet).unwrap());
+        for file in [
+            "checkpoint.safetensors",
+            "encoder.onnx",
+            "velocity.onnx",
+            "model.toml",
+            "training.csv",
+            "loss.svg",
+        ] {
+            let read = |run: &Path| fs::read(run.join(file)).unwrap();
+            assert!(read(&whole) == read(&cut), "{name}: {file}");
+        }
+    }
+}
+
+#[test]
+fn the_loss_falls() {
+    let mut preset = small("best");
+    preset.training.steps = 400;
+    preset.training.learning_rate = 5e-3;
+    let mut objects = data(&preset);
+    // A pairing that is fixed has no chance in it: all of the loss can go.
+    for o in &mut objects {
+        let noise = |i: usize| Isometry3::translation(0.3 * i as f32 - 0.4, 0.2, 0.5);
+        o.pairs = (0..3).map(|i| (noise(i), o.poses[i])).collect();
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let facts = provenance();
+    train(&training(&preset, &objects, dir.path(), &facts), &mut Quiet).unwrap();
+    let entries = shakedown_trainer::history::read(dir.path(), u64::MAX);
+    let sum = |e: &Entry| e.loss_rotation + e.loss_translation;
+    assert_eq!(entries.len(), 8);
+    assert!(sum(&entries[7]) < 0.5 * sum(&entries[0]), "{entries:?}");
+}
+
+/// Turning object, noise and grasps together turns nothing that the network sees or learns.
+#[test]
+fn in_the_hands_frame_a_turn_of_the_scene_changes_no_target() {
+    let preset = small("best");
+    let mut objects = data(&preset);
+    let still = Batches::new(&preset, &objects, 0).batch(0);
+    // Half a turn about z maps the grid's nodes onto nodes, so even the distances agree.
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f32::consts::PI);
+    for o in &mut objects {
+        let n = o.sdf.resolution;
+        let old = o.sdf.values.clone();
+        for x in 0..n {
+            for y in 0..n {
+                for z in 0..n {
+                    o.sdf.values[(x * n + y) * n + z] = old[((n - 1 - x) * n + n - 1 - y) * n + z];
+                }
+            }
+        }
+        o.pairs = vec![(Isometry3::translation(0.2, 0.1, 0.3), o.poses[0])];
+    }
+    let pairs: Vec<_> = objects.iter().map(|o| o.pairs.clone()).collect();
+    for o in &mut objects {
+        for (a, b) in &mut o.pairs {
+            *a = Isometry3::from_parts(Translation3::identity(), turn) * *a;
+            *b = Isometry3::from_parts(Translation3::identity(), turn) * *b;
+        }
+    }
+    let turned = Batches::new(&preset, &objects, 0).batch(0);
+    let mut unturned = data(&preset);
+    for (o, p) in unturned.iter_mut().zip(pairs) {
+        o.pairs = p;
+    }
+    let straight = Batches::new(&preset, &unturned, 0).batch(0);
+    assert_ne!(still.targets, straight.targets);
+    let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-3);
+    assert!(near(&turned.targets, &straight.targets));
+    assert!(near(&turned.features, &straight.features));
+}
+
+#[test]
+fn what_cannot_be_learned_is_said_and_the_last_checkpoint_stays() {
+    let preset = small("best");
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let facts = provenance();
+    let mut empty = data(&preset);
+    empty[0].poses.clear();
+    let error = train(&training(&preset, &empty, &d.join("empty"), &facts), &mut Quiet);
+    assert!(error.unwrap_err().to_string().contains("no object with a successful grasp"));
+
+    let objects = data(&preset);
+    let out = d.join("good");
+    train(&training(&preset, &objects, &out, &facts), &mut Quiet).unwrap();
+    let again = train(&training(&preset, &objects, &out, &facts), &mut Quiet).unwrap_err();
+    assert!(again.to_string().contains("--resume"), "{again}");
+    let mut other = preset.clone();
+    other.training.learning_rate = 0.5;
+    let mut resumed = training(&other, &objects, &out, &facts);
+    resumed.resume = true;
+    let error = train(&resumed, &mut Quiet).unwrap_err();
+    assert!(error.to_string().contains("another preset"), "{error}");
+
+    let mut wild = small("best");
+    wild.training.learning_rate = 1e30;
+    wild.training.warmup_steps = 60;
+    let out = d.join("wild");
+    let mut short = training(&wild, &objects, &out, &facts);
+    short.checkpoint_steps = 1;
+    let error = train(&short, &mut Quiet).unwrap_err();
+    assert!(matches!(error, TrainError::Diverged { .. }), "{error}");
+
+    fs::write(d.join("good/checkpoint.safetensors"), b"half a file").unwrap();
+    let good = d.join("good");
+    let mut damaged = training(&preset, &objects, &good, &facts);
+    damaged.resume = true;
+    let error = train(&damaged, &mut Quiet).unwrap_err();
+    assert!(error.to_string().contains("damaged checkpoint"), "{error}");
+}
