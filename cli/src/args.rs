@@ -96,6 +96,11 @@ pub enum Command {
         after_help = "Examples:\n  shakedown rank --objects mug.obj --candidates 200 --top 5\n  shakedown rank --grasps poses.csv --mesh mug.obj --frame tcp --top 10 --perturb 16 --out best.json\n\np_hold: calibrated on labels; with --perturb N the share of N trials that held under pose and friction noise."
     )]
     Rank(RankArgs),
+    /// Make labelled grasps for new objects, laid out as ACRONYM's
+    #[command(
+        after_help = "Example:\n  shakedown label --objects bottle.stl cup.obj --scale 0.001 --grasps-per-object 2000 --out labels\n\nWrites labels/grasps/*.h5 with the datasets of ACRONYM, and labels/meshes/*.obj beside them. Run again to go on after an interrupt."
+    )]
+    Label(LabelArgs),
     /// Compare two runs grasp by grasp, and fail if the new one is worse
     #[command(
         after_help = "Examples:\n  shakedown compare runs/main runs/mine\n  shakedown compare main runs/mine --fail-on regression --junit gate.xml --summary gate.md\n  shakedown compare --plan --drop 0.03 --power 0.95\n\nExit code 100: regression. A baseline is saved by `run --save-baseline NAME`; a name, a run directory and a trials.csv are interchangeable."
@@ -275,6 +280,26 @@ pub struct MergeArgs {
     /// The directories of all its shards
     #[arg(required = true)]
     pub shards: Vec<PathBuf>,
+}
+
+#[derive(Args, Clone)]
+pub struct LabelArgs {
+    #[command(flatten)]
+    pub object: ObjectArgs,
+    #[command(flatten)]
+    pub protocol: ProtocolArgs,
+    /// Antipodal candidates per object
+    #[arg(long, default_value_t = 2000, value_name = "N")]
+    pub grasps_per_object: u64,
+    /// GraspGen JSON beside each h5
+    #[arg(long)]
+    pub json: bool,
+    /// The hand: a name or a TOML file
+    #[arg(long, default_value = "franka_panda", value_name = "NAME|FILE")]
+    pub gripper: String,
+    /// The directory of the labels
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
 }
 
 #[derive(Args, Clone)]

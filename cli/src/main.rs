@@ -57,6 +57,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Some(Command::Merge(args)) => commands::merge::run(global, args),
         Some(Command::Report(args)) => commands::merge::report(global, args),
         Some(Command::Rank(args)) => commands::rank::run(global, args),
+        Some(Command::Label(args)) => commands::label::run(global, args),
         Some(Command::Compare(args)) => commands::compare::run(global, args),
         Some(Command::Objects(args)) => commands::objects::run(global, args),
         Some(Command::Grippers(args)) => commands::grippers::run(global, args),

@@ -198,7 +198,13 @@ impl Context<'_> {
         let paths = teacher
             .lock()
             .expect("nobody panics while holding it")
-            .paths(object, self.gripper, self.args.paths, self.global.seed, None)?;
+            .paths(
+                object,
+                self.gripper,
+                self.args.paths,
+                self.global.seed,
+                None,
+            )?;
         let hand = HandModel::new(self.gripper, self.gripper.opening_max_m)?;
         let judge = HoldJudge::new(object, object.mass.mass_kg, false);
         let least = self.args.min_p_hold.unwrap_or(0.5);

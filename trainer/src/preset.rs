@@ -144,7 +144,9 @@ impl Preset {
                 .map_or(1, |s| text[..s.start].matches('\n').count() + 1);
             TrainError::bad(path, format!("line {line}: {}", e.message()))
         })?;
-        preset.checked().map_err(|what| TrainError::bad(path, what))?;
+        preset
+            .checked()
+            .map_err(|what| TrainError::bad(path, what))?;
         Ok(preset)
     }
 

@@ -53,8 +53,14 @@ fn data(preset: &Preset) -> Vec<TrainingObject> {
         .map(|family| {
             let object = object(family);
             let grasps = sample_antipodal(&object, &gripper, 20, 0, &AntipodalSettings::default());
-            TrainingObject::new(&object.id, &object.surface, &grasps, gripper.tcp_z_m, preset)
-                .unwrap()
+            TrainingObject::new(
+                &object.id,
+                &object.surface,
+                &grasps,
+                gripper.tcp_z_m,
+                preset,
+            )
+            .unwrap()
         })
         .collect()
 }
@@ -149,7 +155,10 @@ fn the_exported_graphs_are_the_network() {
             let end = path.noise.rotation * UnitQuaternion::new(omega);
             assert!(end.angle_to(&path.end.rotation) < 2e-5, "{name}");
             let way = path.end.translation - path.noise.translation;
-            assert!((way - v).norm() < 1e-5 * (1.0 + v.norm()), "{name}: {way} {v}");
+            assert!(
+                (way - v).norm() < 1e-5 * (1.0 + v.norm()),
+                "{name}: {way} {v}"
+            );
         }
     }
 }
@@ -162,9 +171,15 @@ fn a_stopped_training_resumes_to_the_same_bytes_on_any_number_of_threads() {
         let preset = small(name);
         let objects = data(&preset);
         let facts = provenance();
-        let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let pool = |n: usize| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(n)
+                .build()
+                .unwrap()
+        };
         let whole = d.join(format!("{name}-whole"));
-        let done = pool(1).install(|| train(&training(&preset, &objects, &whole, &facts), &mut Quiet));
+        let done =
+            pool(1).install(|| train(&training(&preset, &objects, &whole, &facts), &mut Quiet));
         assert!(done.unwrap());
         let cut = d.join(format!("{name}-cut"));
         let mut first = training(&preset, &objects, &cut, &facts);
@@ -255,8 +270,16 @@ fn what_cannot_be_learned_is_said_and_the_last_checkpoint_stays() {
     let facts = provenance();
     let mut empty = data(&preset);
     empty[0].poses.clear();
-    let error = train(&training(&preset, &empty, &d.join("empty"), &facts), &mut Quiet);
-    assert!(error.unwrap_err().to_string().contains("no object with a successful grasp"));
+    let error = train(
+        &training(&preset, &empty, &d.join("empty"), &facts),
+        &mut Quiet,
+    );
+    assert!(
+        error
+            .unwrap_err()
+            .to_string()
+            .contains("no object with a successful grasp")
+    );
 
     let objects = data(&preset);
     let out = d.join("good");

@@ -6,6 +6,7 @@ pub mod compare;
 pub mod completions;
 pub mod export_mjcf;
 pub mod grippers;
+pub mod label;
 pub mod merge;
 pub mod models;
 pub mod objects;

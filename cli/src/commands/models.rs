@@ -11,7 +11,10 @@ pub fn run(global: &Global) -> Result<Exit, Failure> {
         .map(|name| ModelFiles::find(name)?.parsed_card())
         .collect::<Result<Vec<ModelCard>, _>>()?;
     if global.format == Format::Json {
-        println!("{}", serde_json::to_string_pretty(&cards).expect("plain data"));
+        println!(
+            "{}",
+            serde_json::to_string_pretty(&cards).expect("plain data")
+        );
         return Ok(Exit::Success);
     }
     let rows: Vec<Vec<String>> = cards
@@ -29,7 +32,15 @@ pub fn run(global: &Global) -> Result<Exit, Failure> {
             ]
         })
         .collect();
-    let header = ["model", "gripper", "steps", "optimal", "held", "licence", "trained on"];
+    let header = [
+        "model",
+        "gripper",
+        "steps",
+        "optimal",
+        "held",
+        "licence",
+        "trained on",
+    ];
     print!("{}", aligned(&header, &rows));
     println!(
         "\noptimal and held: on objects of its training. Any model of the contract is given as a \

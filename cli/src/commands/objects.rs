@@ -104,7 +104,8 @@ fn value(item: &Item, object: &Object) -> serde_json::Value {
     })
 }
 
-fn obj_text(mesh: &TriMesh) -> String {
+/// A mesh as OBJ, metres.
+pub fn obj_text(mesh: &TriMesh) -> String {
     let mut text = String::new();
     for v in mesh.vertices() {
         let _ = writeln!(text, "v {} {} {}", v.x, v.y, v.z);
