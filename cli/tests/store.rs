@@ -6,8 +6,10 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
-const JOB: [&str; 10] = [
+const JOB: [&str; 12] = [
     "run",
+    "--sampler",
+    "antipodal",
     "--filter",
     "ring_0|box_1",
     "--candidates",

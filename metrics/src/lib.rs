@@ -2,9 +2,11 @@
 //! with labels beside predictors that use no simulation.
 
 pub mod agreement;
+pub mod assignment;
 pub mod bootstrap;
 pub mod calibration;
 pub mod compare;
+pub mod distribution;
 pub mod features;
 pub mod hold_model;
 pub mod interval;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agreement::{Agreement, Confusion};
 use crate::bootstrap::cluster_95;
+use crate::distribution::{self, Distribution};
 use crate::calibration::expected_calibration_error;
 use crate::interval::wilson_95;
 use crate::rate::success_at_k;
@@ -122,6 +123,8 @@ pub struct ObjectSummary {
     pub success_at: SuccessAt,
     /// As for the run.
     pub agreement: Option<AgreementBlock>,
+    /// As for the run.
+    pub distribution: Option<Distribution>,
 }
 
 /// `summary.json`.
@@ -139,8 +142,8 @@ pub struct Summary {
     pub success_at: SuccessAt,
     /// Agreement with labels.
     pub agreement: Option<AgreementBlock>,
-    /// Distances between distributions; not computed by this version.
-    pub distribution: Option<()>,
+    /// Distances of the drawn grasps from the reference, where objects bring one; mean over them.
+    pub distribution: Option<Distribution>,
     /// Cost.
     pub throughput: Throughput,
     /// The same blocks per object.
@@ -165,6 +168,7 @@ pub fn summarise(
             physics: physics(&[tally], outcomes),
             success_at: success_at(&[tally]),
             agreement: agreement(&[tally]),
+            distribution: None,
         })
         .collect();
     Summary {
@@ -177,6 +181,17 @@ pub fn summarise(
         distribution: None,
         throughput,
         objects: per_object,
+    }
+}
+
+impl Summary {
+    /// Adds the distances from the reference, by object.
+    pub fn add_distribution(&mut self, by_object: &BTreeMap<String, Distribution>) {
+        for object in &mut self.objects {
+            object.distribution = by_object.get(&object.object).copied();
+        }
+        let all: Vec<Distribution> = by_object.values().copied().collect();
+        self.distribution = distribution::mean(&all);
     }
 }
 

@@ -1,0 +1,188 @@
+//! Are the drawn grasps spread as the good ones are? Earth mover's distances between two sets of
+//! poses, each beside the distance of two halves of the reference from each other.
+
+use nalgebra::Isometry3;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::assignment::least_cost;
+
+/// Poses of each set that are compared, at most.
+pub const SIZE_MAX: usize = 400;
+
+/// Four distances between two sets of poses: exact assignments, mean cost of a pair. Rotations are
+/// compared up to the hand's half turn about its approach.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Distances {
+    /// W1 of the translations, metres.
+    pub w1_translation_m: f64,
+    /// W1 of the rotations (geodesic angle), radians.
+    pub w1_rotation_rad: f64,
+    /// SE(3)-DiffusionFields' cost: |dp| (m) + 1 - cos(theta).
+    pub emd_se3dif: f64,
+    /// EquiGraspFlow's cost: sqrt(theta^2 + |dp|^2), rad and m.
+    pub emd_equigraspflow: f64,
+}
+
+/// The block of `summary.json`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Distribution {
+    /// Drawn grasps against the reference.
+    #[serde(flatten)]
+    pub drawn: Distances,
+    /// One half of the reference against the other, of the same size.
+    pub floor: Distances,
+    /// Poses of each set, mean over the objects.
+    pub n: f64,
+    /// Share of the reference within 2 cm of a drawn grasp over the number drawn, area under that
+    /// curve.
+    pub coverage_auc: Option<f64>,
+}
+
+fn angle(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    // Half a turn about z maps (x, y, z, w) to (y, -x, w, -z): the nearer of both poses counts.
+    let (p, q) = (a.rotation.coords, b.rotation.coords);
+    let flipped = nalgebra::Vector4::new(q.y, -q.x, q.w, -q.z);
+    let w = p.dot(&q).abs().max(p.dot(&flipped).abs());
+    2.0 * w.min(1.0).acos()
+}
+
+fn mean_cost(
+    a: &[Isometry3<f64>],
+    b: &[Isometry3<f64>],
+    cost: impl Fn(f64, f64) -> f64,
+) -> f64 {
+    let n = a.len();
+    let costs: Vec<f32> = a
+        .iter()
+        .flat_map(|a| {
+            b.iter().map(|b| {
+                let way = (a.translation.vector - b.translation.vector).norm();
+                cost(way, angle(a, b)) as f32
+            })
+        })
+        .collect();
+    let pairs = least_cost(&costs, n);
+    let sum: f64 = pairs
+        .iter()
+        .enumerate()
+        .map(|(i, j)| f64::from(costs[i * n + j]))
+        .sum();
+    sum / n as f64
+}
+
+/// The four distances of two sets of the same size, which is not 0.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn distances(a: &[Isometry3<f64>], b: &[Isometry3<f64>]) -> Distances {
+    assert_eq!(a.len(), b.len());
+    Distances {
+        w1_translation_m: mean_cost(a, b, |way, _| way),
+        w1_rotation_rad: mean_cost(a, b, |_, angle| angle),
+        emd_se3dif: mean_cost(a, b, |way, angle| way + 1.0 - angle.cos()),
+        emd_equigraspflow: mean_cost(a, b, f64::hypot),
+    }
+}
+
+/// Drawn grasps of one object against its reference; `None` if either has fewer than two.
+///
+/// Poses should be those of the tcp, where an error of angle moves nothing. Subsets are drawn at
+/// random from a fixed stream.
+pub fn of_object(drawn: &[Isometry3<f64>], reference: &[Isometry3<f64>]) -> Option<Distribution> {
+    let n = drawn.len().min(reference.len() / 2).min(SIZE_MAX);
+    if n < 2 {
+        return None;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(0x6469_7374);
+    let mut shuffled = reference.to_vec();
+    for i in (1..shuffled.len()).rev() {
+        shuffled.swap(i, rng.random_range(0..=i));
+    }
+    let (one, other) = (&shuffled[..n], &shuffled[n..2 * n]);
+    Some(Distribution {
+        drawn: distances(&drawn[..n], one),
+        floor: distances(other, one),
+        n: n as f64,
+        coverage_auc: Some(coverage_auc(&drawn[..n], one)),
+    })
+}
+
+/// Mean over k = 1..=n of the share of the reference within 2 cm of one of the first k grasps.
+fn coverage_auc(drawn: &[Isometry3<f64>], reference: &[Isometry3<f64>]) -> f64 {
+    const REACH_M: f64 = 0.02;
+    let total: usize = reference
+        .iter()
+        .map(|r| {
+            let near = |d: &Isometry3<f64>| {
+                (d.translation.vector - r.translation.vector).norm() <= REACH_M
+            };
+            drawn.iter().position(near).map_or(0, |k| drawn.len() - k)
+        })
+        .sum();
+    total as f64 / (drawn.len() * reference.len()) as f64
+}
+
+/// Means over objects; `None` without any.
+pub fn mean(objects: &[Distribution]) -> Option<Distribution> {
+    if objects.is_empty() {
+        return None;
+    }
+    let over = |f: &dyn Fn(&Distribution) -> f64| {
+        objects.iter().map(f).sum::<f64>() / objects.len() as f64
+    };
+    let each = |part: &dyn Fn(&Distribution) -> Distances| Distances {
+        w1_translation_m: over(&|d| part(d).w1_translation_m),
+        w1_rotation_rad: over(&|d| part(d).w1_rotation_rad),
+        emd_se3dif: over(&|d| part(d).emd_se3dif),
+        emd_equigraspflow: over(&|d| part(d).emd_equigraspflow),
+    };
+    Some(Distribution {
+        drawn: each(&|d| d.drawn),
+        floor: each(&|d| d.floor),
+        n: over(&|d| d.n),
+        coverage_auc: Some(over(&|d| d.coverage_auc.unwrap_or(0.0))),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+    fn pose(x: f64, turn: f64) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::new(x, 0.0, 0.0),
+            UnitQuaternion::from_axis_angle(&Vector3::x_axis(), turn),
+        )
+    }
+
+    #[test]
+    fn a_set_moved_by_a_little_is_that_far_away_and_half_a_turn_is_none() {
+        let a: Vec<_> = (0..20).map(|i| pose(0.1 * f64::from(i), 0.3)).collect();
+        let half = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+        let b: Vec<_> = a
+            .iter()
+            .rev()
+            .map(|p| Translation3::new(0.0, 0.01, 0.0) * p * half)
+            .collect();
+        let d = distances(&a, &b);
+        assert!((d.w1_translation_m - 0.01).abs() < 1e-6);
+        assert!(d.w1_rotation_rad < 1e-3, "{}", d.w1_rotation_rad);
+        let turned: Vec<_> = (0..20).map(|i| pose(0.1 * f64::from(i), 0.5)).collect();
+        let d = distances(&a, &turned);
+        assert!((d.w1_rotation_rad - 0.2).abs() < 1e-3);
+        assert!((d.emd_equigraspflow - 0.2).abs() < 1e-3);
+        assert!((d.emd_se3dif - (1.0 - 0.2f64.cos())).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_same_set_has_full_coverage_from_the_first_on() {
+        let same = vec![pose(0.0, 0.0); 10];
+        assert_eq!(coverage_auc(&same, &same), 1.0);
+        let far = vec![pose(1.0, 0.0); 10];
+        assert_eq!(coverage_auc(&far, &same), 0.0);
+        assert!(of_object(&same[..1], &same).is_none());
+    }
+}
