@@ -5,11 +5,12 @@ use std::sync::Mutex;
 
 use shakedown_gripper_assets::{Grasp, ReadOptions};
 use shakedown_report::journal::Done;
+use shakedown_report::reference::Reference;
 use shakedown_report::{Manifest, Store};
 
 use crate::args::{Global, RunArgs};
 use crate::failure::{Exit, Failure};
-use crate::plan::{Item, Plan};
+use crate::plan::{Item, Material, Plan};
 use crate::settings::{Settings, Source};
 use crate::work::{Bench, Cost};
 use crate::{grasps, interrupt, progress};
@@ -31,6 +32,7 @@ pub struct Job<'a> {
 pub struct Prepared {
     bench: Bench,
     grasps: Vec<Grasp>,
+    reference: Option<Reference>,
 }
 
 /// How far a run came.
@@ -143,7 +145,27 @@ impl Job<'_> {
             grasps.retain(|_| shard.has(index, position.next().expect("endless")));
         }
         let bench = Bench::new(object, self.settings)?;
-        Ok(Prepared { bench, grasps })
+        Ok(Prepared {
+            bench,
+            grasps,
+            reference: self.reference(item)?,
+        })
+    }
+
+    /// The successful grasps of an ACRONYM file whose object gets new ones from a sampler.
+    fn reference(&self, item: &Item) -> Result<Option<Reference>, Failure> {
+        let (Material::GraspFile(path), None) = (&item.material, &item.grasps) else {
+            return Ok(None);
+        };
+        let file = shakedown_gripper_assets::read_grasps(path, self.options)?;
+        let good: Vec<_> = file
+            .grasps
+            .iter()
+            .filter(|g| g.label == Some(true))
+            .map(|g| g.object_from_hand)
+            .collect();
+        let tcp_z_m = self.settings.gripper.tcp_z_m;
+        Ok((!good.is_empty()).then(|| Reference::new(&item.id, tcp_z_m, &good)))
     }
 
     /// Runs object after object in the order of their ids; the next one is prepared meanwhile.
@@ -224,6 +246,9 @@ impl Job<'_> {
             CLASSES_PER_WRITE
         };
         store.add_view(&prepared.bench.view())?;
+        if let Some(reference) = &prepared.reference {
+            store.add_reference(reference)?;
+        }
         let mut on_disk = skip.min(prepared.grasps.len());
         for grasps in prepared.grasps[on_disk..].chunks(chunk) {
             let rows = prepared

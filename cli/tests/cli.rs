@@ -116,7 +116,10 @@ fn a_run_writes_every_file_of_the_contract_and_repeats_its_bytes() {
         .iter()
         .map(str::to_owned)
         .collect();
-    assert_eq!(headers[27..], ["p_hold", "stage", "margin_g", "closing_width_m"]);
+    assert_eq!(
+        headers[27..],
+        ["p_hold", "stage", "margin_g", "closing_width_m"]
+    );
     let keys: Vec<(String, u64)> = reader
         .records()
         .map(|r| r.unwrap())

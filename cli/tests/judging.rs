@@ -30,7 +30,15 @@ fn ok(directory: &Path, args: &[&str]) -> String {
     out
 }
 
-const RUN: [&str; 7] = ["run", "--sampler", "antipodal", "--candidates", "40", "--filter", "box_|ring_|knife_"];
+const RUN: [&str; 7] = [
+    "run",
+    "--sampler",
+    "antipodal",
+    "--candidates",
+    "40",
+    "--filter",
+    "box_|ring_|knife_",
+];
 
 fn run<'a>(more: &[&'a str]) -> Vec<&'a str> {
     RUN.iter().chain(more).copied().chain(["-q"]).collect()
@@ -47,18 +55,39 @@ fn the_same_run_is_identical_and_a_weaker_hand_is_a_regression() {
         assert!(text.contains("IDENTICAL"), "{text}");
     }
     // A grip of 12 N per kilogram no longer carries the shake: a true regression.
-    ok(d, &run(&["--out", "weak", "--set", "grip_force_per_kg_n=12"]));
+    ok(
+        d,
+        &run(&["--out", "weak", "--set", "grip_force_per_kg_n=12"]),
+    );
     let (code, _, message) = said(d, &["compare", "main", "weak"]);
     assert_eq!(code, 3);
-    assert!(message.contains("grip_force_per_kg_n: 300.0 against 12.0"), "{message}");
+    assert!(
+        message.contains("grip_force_per_kg_n: 300.0 against 12.0"),
+        "{message}"
+    );
     let args = [
-        "compare", "main", "weak", "--allow-protocol-change", "--junit", "gate.xml", "--summary",
-        "gate.md", "--tracker", "gate.json",
+        "compare",
+        "main",
+        "weak",
+        "--allow-protocol-change",
+        "--junit",
+        "gate.xml",
+        "--summary",
+        "gate.md",
+        "--tracker",
+        "gate.json",
     ];
     let (code, text, _) = said(d, &args);
     assert_eq!(code, 100, "{text}");
-    assert!(text.contains("REGRESSION") && text.contains("but note"), "{text}");
-    assert!(fs::read_to_string(d.join("gate.xml")).unwrap().contains("<failure"));
+    assert!(
+        text.contains("REGRESSION") && text.contains("but note"),
+        "{text}"
+    );
+    assert!(
+        fs::read_to_string(d.join("gate.xml"))
+            .unwrap()
+            .contains("<failure")
+    );
     assert_eq!(fs::read_to_string(d.join("gate.md")).unwrap(), text);
     let list: serde_json::Value =
         serde_json::from_slice(&fs::read(d.join("gate.json")).unwrap()).unwrap();
@@ -77,8 +106,16 @@ fn grasps_that_moved_are_compared_by_object() {
         ok(
             d,
             &[
-                "sample", "--sampler", "antipodal", "--filter", "box_0", "--candidates", "80",
-                "--out", out, "-q",
+                "sample",
+                "--sampler",
+                "antipodal",
+                "--filter",
+                "box_0",
+                "--candidates",
+                "80",
+                "--out",
+                out,
+                "-q",
             ],
         )
     };
@@ -116,7 +153,16 @@ fn grasps_that_moved_are_compared_by_object() {
         let run = format!("run_{out}");
         ok(
             d,
-            &["run", "--grasps", &grasps, "--mesh", "meshes/box_0.obj", "--out", &run, "-q"],
+            &[
+                "run",
+                "--grasps",
+                &grasps,
+                "--mesh",
+                "meshes/box_0.obj",
+                "--out",
+                &run,
+                "-q",
+            ],
         );
     }
     let (code, text, message) = said(d, &["compare", "run_a", "run_b"]);
@@ -139,14 +185,34 @@ fn what_cannot_be_compared_is_said() {
     fs::write(d.join("two.csv"), format!("{header}a,0,2\n")).unwrap();
     fs::write(d.join("none.csv"), "object,grasp\na,0\n").unwrap();
     fs::write(d.join("no_grasp.csv"), "object,held\na,0\n").unwrap();
-    bad(&["compare", "a.csv", "b.csv"], 3, "no grasps of a common object");
+    bad(
+        &["compare", "a.csv", "b.csv"],
+        3,
+        "no grasps of a common object",
+    );
     bad(&["compare", "a.csv", "two.csv"], 3, "neither 0 nor 1");
     bad(&["compare", "a.csv", "none.csv"], 3, "was not measured");
-    bad(&["compare", "a.csv", "no_grasp.csv"], 3, "no column `grasp`");
+    bad(
+        &["compare", "a.csv", "no_grasp.csv"],
+        3,
+        "no column `grasp`",
+    );
     bad(&["compare", "a.csv", "nowhere"], 3, "there is no run");
     bad(&["compare", "a.csv"], 2, "BASE and NEW");
     bad(&["compare", "a.csv", "a.csv", "--alpha", "2"], 2, "--alpha");
-    bad(&["run", "--save-baseline", "../x", "--filter", "box_0", "--candidates", "1"], 3, "called");
+    bad(
+        &[
+            "run",
+            "--save-baseline",
+            "../x",
+            "--filter",
+            "box_0",
+            "--candidates",
+            "1",
+        ],
+        3,
+        "called",
+    );
     // Zero successes and one object: a wide interval, no NaN.
     fs::write(d.join("zero.csv"), format!("{header}a,0,0\na,1,0\n")).unwrap();
     let text = ok(d, &["compare", "zero.csv", "zero.csv", "--format", "json"]);
@@ -160,8 +226,22 @@ fn ranking_puts_what_holds_first_and_writes_the_top() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let args = [
-        "rank", "--sampler", "antipodal", "--filter", "mug_0", "--candidates", "30", "--top", "4",
-        "--perturb", "3", "--out", "best.json", "--format", "json", "-q",
+        "rank",
+        "--sampler",
+        "antipodal",
+        "--filter",
+        "mug_0",
+        "--candidates",
+        "30",
+        "--top",
+        "4",
+        "--perturb",
+        "3",
+        "--out",
+        "best.json",
+        "--format",
+        "json",
+        "-q",
     ];
     let text = ok(d, &args);
     let list: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -186,11 +266,22 @@ fn labels_can_be_read_resumed_and_name_what_does_not_fit() {
     let scaled: String = huge.replace(" 1 0 0", " .9 0 0");
     fs::write(d.join("huge.obj"), scaled).unwrap();
     let args = [
-        "label", "--objects", "meshes/ring_0.obj", "meshes/box_0.obj", "--grasps-per-object", "20",
-        "--json", "--out", "labels", "-q",
+        "label",
+        "--objects",
+        "meshes/ring_0.obj",
+        "meshes/box_0.obj",
+        "--grasps-per-object",
+        "20",
+        "--json",
+        "--out",
+        "labels",
+        "-q",
     ];
     let text = ok(d, &args);
-    assert!(text.contains("ring_0") && text.contains("labels/grasps"), "{text}");
+    assert!(
+        text.contains("ring_0") && text.contains("labels/grasps"),
+        "{text}"
+    );
     let h5: Vec<_> = fs::read_dir(d.join("labels/grasps"))
         .unwrap()
         .map(|e| e.unwrap().path())
@@ -210,11 +301,29 @@ fn labels_can_be_read_resumed_and_name_what_does_not_fit() {
     let (code, _, message) = said(d, &[&args[..], &["--seed", "5"]].concat());
     assert!(code == 3 && message.contains("other settings"), "{message}");
     // Its labels are the outcomes of a run on the same grasps.
-    let path = h5.iter().find(|p| p.to_string_lossy().contains("ring_0")).unwrap();
+    let path = h5
+        .iter()
+        .find(|p| p.to_string_lossy().contains("ring_0"))
+        .unwrap();
     let grasps = path.display().to_string();
-    ok(d, &["run", "--grasps", &grasps, "--mesh-root", "labels", "--out", "again", "-q"]);
+    ok(
+        d,
+        &[
+            "run",
+            "--grasps",
+            &grasps,
+            "--mesh-root",
+            "labels",
+            "--out",
+            "again",
+            "-q",
+        ],
+    );
     let summary: serde_json::Value =
         serde_json::from_slice(&fs::read(d.join("again/summary.json")).unwrap()).unwrap();
     let a = &summary["agreement"];
-    assert!(a["fp"].as_u64().unwrap() + a["fn"].as_u64().unwrap() <= 1, "{a}");
+    assert!(
+        a["fp"].as_u64().unwrap() + a["fn"].as_u64().unwrap() <= 1,
+        "{a}"
+    );
 }

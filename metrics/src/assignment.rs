@@ -172,7 +172,10 @@ mod tests {
         let n = 300;
         let a: Vec<f32> = (0..n).map(|i| ((i * 7919) % n) as f32).collect();
         let b: Vec<f32> = (0..n).map(|i| ((i * 104_729) % n) as f32 + 0.25).collect();
-        let costs: Vec<f32> = a.iter().flat_map(|x| b.iter().map(move |y| (x - y).abs())).collect();
+        let costs: Vec<f32> = a
+            .iter()
+            .flat_map(|x| b.iter().map(move |y| (x - y).abs()))
+            .collect();
         let sum = total(&costs, n, &least_cost(&costs, n));
         assert!((sum - 0.25 * n as f64).abs() < 1e-2, "{sum}");
     }

@@ -48,11 +48,7 @@ fn angle(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     2.0 * w.min(1.0).acos()
 }
 
-fn mean_cost(
-    a: &[Isometry3<f64>],
-    b: &[Isometry3<f64>],
-    cost: impl Fn(f64, f64) -> f64,
-) -> f64 {
+fn mean_cost(a: &[Isometry3<f64>], b: &[Isometry3<f64>], cost: impl Fn(f64, f64) -> f64) -> f64 {
     let n = a.len();
     let costs: Vec<f32> = a
         .iter()

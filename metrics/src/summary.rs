@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::agreement::{Agreement, Confusion};
 use crate::bootstrap::cluster_95;
-use crate::distribution::{self, Distribution};
 use crate::calibration::expected_calibration_error;
+use crate::distribution::{self, Distribution};
 use crate::interval::wilson_95;
 use crate::rate::success_at_k;
 

@@ -7,6 +7,7 @@ pub mod journal;
 pub mod manifest;
 pub mod markdown;
 pub mod merge;
+pub mod reference;
 pub mod replay;
 pub mod results;
 pub mod rows;

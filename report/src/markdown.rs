@@ -1,6 +1,7 @@
 //! The summary that one would paste into a paper.
 
 use shakedown_metrics::Summary;
+use shakedown_metrics::distribution::Distribution;
 use shakedown_metrics::summary::AgreementBlock;
 
 use crate::manifest::Manifest;
@@ -37,6 +38,10 @@ pub fn summary(manifest: &Manifest, summary: &Summary) -> String {
             "\nAgreement with the labels of the input, beside predictors without simulation\n\n",
         );
         out.push_str(&agreement(block));
+    }
+    if let Some(d) = &summary.distribution {
+        out.push_str("\nDistance from the successful grasps of the input (earth mover's), beside that of two halves of them\n\n");
+        out.push_str(&distribution(d));
     }
     out.push_str("\nPer object\n\n");
     out.push_str(&objects(summary));
@@ -124,6 +129,43 @@ fn agreement(block: &AgreementBlock) -> String {
             "FN",
             "TN",
         ],
+        &rows,
+    )
+}
+
+fn distribution(d: &Distribution) -> String {
+    let row = |name: &str, drawn: f64, floor: f64| {
+        vec![
+            name.to_owned(),
+            format!("{drawn:.4}"),
+            format!("{floor:.4}"),
+            format!("{:.2}", drawn / floor),
+        ]
+    };
+    let rows = [
+        row(
+            "W1 translation, m",
+            d.drawn.w1_translation_m,
+            d.floor.w1_translation_m,
+        ),
+        row(
+            "W1 rotation, rad",
+            d.drawn.w1_rotation_rad,
+            d.floor.w1_rotation_rad,
+        ),
+        row(
+            "EMD, SE(3)-DiffusionFields",
+            d.drawn.emd_se3dif,
+            d.floor.emd_se3dif,
+        ),
+        row(
+            "EMD, EquiGraspFlow",
+            d.drawn.emd_equigraspflow,
+            d.floor.emd_equigraspflow,
+        ),
+    ];
+    aligned(
+        &["distance at the tcp", "drawn", "data against data", "ratio"],
         &rows,
     )
 }

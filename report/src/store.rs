@@ -8,6 +8,7 @@ use shakedown_metrics::Summary;
 
 use crate::journal::{Done, Journal, Start};
 use crate::manifest::Manifest;
+use crate::reference::Reference;
 use crate::results::ResultsError;
 use crate::trials::{TrialRow, write_header, write_row};
 use crate::view::ViewMesh;
@@ -55,8 +56,9 @@ pub enum StoreError {
     },
 }
 
-/// What lies beside the rows: recorded trials, and the objects as the 3-D view shows them.
-pub(crate) const SIDE_DIRECTORIES: [&str; 2] = ["replays", "views"];
+/// What lies beside the rows: recorded trials, the objects as the 3-D view shows them, and good
+/// grasps that came with them.
+pub(crate) const SIDE_DIRECTORIES: [&str; 3] = ["replays", "views", "references"];
 
 /// An open run directory.
 pub struct Store {
@@ -218,6 +220,19 @@ impl Store {
     pub fn add_view(&self, view: &ViewMesh) -> Result<(), StoreError> {
         let bytes = serde_json::to_vec(view).expect("plain data");
         write_whole(&self.directory.join("views").join(view.file_name()), &bytes)
+    }
+
+    /// Keeps the good grasps that came with an object.
+    ///
+    /// # Errors
+    /// As [`Store::append`].
+    pub fn add_reference(&self, reference: &Reference) -> Result<(), StoreError> {
+        let bytes = serde_json::to_vec(reference).expect("plain data");
+        let path = self
+            .directory
+            .join("references")
+            .join(reference.file_name());
+        write_whole(&path, &bytes)
     }
 
     /// Writes `summary.json`, `summary.md` and `report.html`, and closes the journal.

@@ -9,7 +9,7 @@ use shakedown_metrics::Summary;
 use shakedown_metrics::summary::{Throughput, summarise};
 use shakedown_report::journal::{self, Start};
 use shakedown_report::results::Results;
-use shakedown_report::{Manifest, Store, baseline, markdown, rows};
+use shakedown_report::{Manifest, Store, baseline, markdown, reference, rows};
 use shakedown_sim::Label;
 
 use crate::args::{Cli, Command, Format, Global, ResumeArgs, RunArgs};
@@ -126,7 +126,9 @@ fn execute(global: &Global, args: &RunArgs, resumed: Option<&Path>) -> Result<Ex
 pub fn summary_of(directory: &Path, throughput: Throughput) -> Result<Summary, Failure> {
     let names = Label::ALL.map(Label::name);
     let objects = rows::read(&directory.join("trials.csv"), &names)?;
-    Ok(summarise(&objects, &names, throughput))
+    let mut summary = summarise(&objects, &names, throughput);
+    summary.add_distribution(&reference::distributions(directory)?);
+    Ok(summary)
 }
 
 /// Prints a summary on stdout as the user asked.
