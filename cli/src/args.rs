@@ -84,7 +84,9 @@ pub enum Command {
     )]
     Merge(MergeArgs),
     /// Write summary and report.html of a run again
-    #[command(after_help = "Example:\n  shakedown report runs/acronym-1a2b3c4d")]
+    #[command(
+        after_help = "Examples:\n  shakedown report runs/acronym-1a2b3c4d\n  shakedown report runs/acronym-1a2b3c4d --glb trial.glb --object mug_0 --grasp 17"
+    )]
     Report(ReportArgs),
     /// Only geometry: collision, reach, closing, alignment
     #[command(
@@ -271,6 +273,15 @@ pub struct ResumeArgs {
 pub struct ReportArgs {
     /// The run directory
     pub directory: PathBuf,
+    /// Instead: write a recorded trial as an animated GLB (Blender, any glTF viewer)
+    #[arg(long, value_name = "FILE", requires = "grasp")]
+    pub glb: Option<PathBuf>,
+    /// With --glb: number of the grasp
+    #[arg(long, value_name = "N")]
+    pub grasp: Option<u64>,
+    /// With --glb: the object, if the run has several
+    #[arg(long, value_name = "ID")]
+    pub object: Option<String>,
 }
 
 #[derive(Args, Clone)]

@@ -51,6 +51,33 @@ pub const NAMES: [&str; GEOMETRIC + 9] = [
     "log_mass",
     "extent_mm",
     "wedge_rad",
+    "row1_hits",
+    "row1_left_mm",
+    "row1_right_mm",
+    "row2_hits",
+    "row2_left_mm",
+    "row2_right_mm",
+    "row3_hits",
+    "row3_left_mm",
+    "row3_right_mm",
+    "row4_hits",
+    "row4_left_mm",
+    "row4_right_mm",
+    "row5_hits",
+    "row5_left_mm",
+    "row5_right_mm",
+    "row6_hits",
+    "row6_left_mm",
+    "row6_right_mm",
+    "row7_hits",
+    "row7_left_mm",
+    "row7_right_mm",
+    "row8_hits",
+    "row8_left_mm",
+    "row8_right_mm",
+    "row9_hits",
+    "row9_left_mm",
+    "row9_right_mm",
     "trial_held",
     "trial_stage",
     "trial_slip_mm",
@@ -63,7 +90,7 @@ pub const NAMES: [&str; GEOMETRIC + 9] = [
 ];
 
 /// The first so many features need no simulation.
-pub const GEOMETRIC: usize = 30;
+pub const GEOMETRIC: usize = 57;
 
 /// A contact patch is what lies within this of the first contact, metres: the rubber gives.
 const PATCH_M: f64 = 0.001;
@@ -98,21 +125,21 @@ pub fn features(
     values[28] = 1e3 * object.extent_m;
     if let Some(o) = outcome {
         let some = |x: Option<f64>, unit: f64| x.map_or(f64::NAN, |x| unit * x);
-        values[30] = f64::from(u8::from(o.label == Label::Held));
-        values[31] = match o.stage {
+        values[GEOMETRIC] = f64::from(u8::from(o.label == Label::Held));
+        values[GEOMETRIC + 1] = match o.stage {
             Stage::Start => 0.0,
             Stage::Closing | Stage::Squeeze => 1.0,
             Stage::Settle | Stage::ShakeLinear | Stage::Tug | Stage::Lift => 2.0,
             Stage::ShakeAngular | Stage::Hardness => 3.0,
             Stage::Hold => 4.0,
         };
-        values[32] = some(o.slip_linear_m, 1e3);
-        values[33] = some(o.slip_angular_rad, 1.0);
-        values[34] = some(o.closing_linear_m, 1e3);
-        values[35] = some(o.closing_angular_rad, 1.0);
-        values[36] = some(o.grip_force_n, 1.0 / object.mass_kg);
-        values[37] = some(o.width_m, 1e3);
-        values[38] = o.sim_s;
+        values[GEOMETRIC + 2] = some(o.slip_linear_m, 1e3);
+        values[GEOMETRIC + 3] = some(o.slip_angular_rad, 1.0);
+        values[GEOMETRIC + 4] = some(o.closing_linear_m, 1e3);
+        values[GEOMETRIC + 5] = some(o.closing_angular_rad, 1.0);
+        values[GEOMETRIC + 6] = some(o.grip_force_n, 1.0 / object.mass_kg);
+        values[GEOMETRIC + 7] = some(o.width_m, 1e3);
+        values[GEOMETRIC + 8] = o.sim_s;
     }
     values.map(|v| v as f32)
 }
@@ -183,6 +210,20 @@ fn patches(values: &mut [f64], hand: &HandModel, profile: &Profile, com: &Point3
     ];
     values[26] = 1e3 * (com.y - middle[0]).hypot(com.z - middle[1]);
     values[29] = wedge(&hits, profile);
+    for row in 0..ROWS {
+        let here: Vec<_> = hits.iter().filter(|h| h.0 == row).collect();
+        let n = here.len() as f64;
+        let back = |side: usize| {
+            let sum: f64 = here
+                .iter()
+                .map(|h| (h.2.x_m[side] - first[side]).abs())
+                .sum();
+            1e3 * sum / n
+        };
+        values[30 + 3 * row] = n;
+        values[31 + 3 * row] = back(0);
+        values[32 + 3 * row] = back(1);
+    }
 }
 
 /// Angle by which the object narrows towards the tip: slope of the width over the height.

@@ -161,6 +161,7 @@ impl HoldJudge {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::features::GEOMETRIC;
 
     #[test]
     fn the_built_in_models_can_be_read_and_prefer_what_held() {
@@ -172,9 +173,9 @@ mod tests {
         }
         let model = HoldModel::built_in(true);
         let mut held = [f32::NAN; NAMES.len()];
-        held[30] = 1.0;
+        held[GEOMETRIC] = 1.0;
         let mut lost = held;
-        lost[30] = 0.0;
+        lost[GEOMETRIC] = 0.0;
         assert!(model.p_hold(&held) > model.p_hold(&lost));
     }
 

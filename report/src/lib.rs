@@ -2,6 +2,7 @@
 
 pub mod baseline;
 pub mod comparison;
+pub mod glb;
 pub mod html;
 pub mod journal;
 pub mod manifest;

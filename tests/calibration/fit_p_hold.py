@@ -18,7 +18,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import roc_auc_score
 from sklearn.model_selection import GroupKFold
 
-GEOMETRIC = 30
+GEOMETRIC = 57
 SETTINGS = dict(learning_rate=0.06, max_leaf_nodes=12, min_samples_leaf=40, l2_regularization=5.0,
                 max_features=0.4, early_stopping=False, random_state=0)
 TREES = 160

@@ -5,8 +5,10 @@ use std::path::Path;
 
 use shakedown_metrics::Summary;
 use shakedown_metrics::summary::Throughput;
+use shakedown_report::replay::{Replay, file_stem};
 use shakedown_report::store::write_summary;
-use shakedown_report::{Manifest, journal, merge};
+use shakedown_report::view::ViewMesh;
+use shakedown_report::{Manifest, glb, journal, merge};
 
 use super::run::{print, summary_of};
 use crate::args::{Global, MergeArgs, ReportArgs};
@@ -45,9 +47,52 @@ pub fn report(global: &Global, args: &ReportArgs) -> Result<Exit, Failure> {
         .map_err(|e| Failure::input(format!("cannot read {}: {e}", path.display())))?;
     let manifest: Manifest = serde_json::from_slice(&bytes)
         .map_err(|e| Failure::input(format!("{}: {e}", path.display())))?;
+    if let (Some(path), Some(grasp)) = (&args.glb, args.grasp) {
+        return animation(directory, &manifest, args.object.as_deref(), grasp, path);
+    }
     let summary = summary_of(directory, throughput_of(directory))?;
     write_summary(directory, &manifest, &summary)?;
     print(global, &manifest, &summary, directory);
+    Ok(Exit::Success)
+}
+
+/// Writes one recorded trial as GLB.
+fn animation(
+    directory: &Path,
+    manifest: &Manifest,
+    object: Option<&str>,
+    grasp: u64,
+    path: &Path,
+) -> Result<Exit, Failure> {
+    let object = match (object, &manifest.objects[..]) {
+        (Some(id), _) => id,
+        (None, [one]) => &one.id,
+        (None, _) => {
+            return Err(Failure::usage(
+                "the run has several objects: say --object ID",
+            ));
+        }
+    };
+    let name = format!("{}_{grasp}.json", file_stem(object));
+    let from = directory.join("replays").join(name);
+    let read = |from: &Path, mend: &str| {
+        fs::read(from)
+            .map_err(|e| Failure::input(format!("cannot read {}: {e}; {mend}", from.display())))
+    };
+    let bad = |e: serde_json::Error| Failure::input(format!("{}: {e}", from.display()));
+    let bytes = read(
+        &from,
+        "only trials of `run --record all` or `failures` can be replayed",
+    )?;
+    let replay: Replay = serde_json::from_slice(&bytes).map_err(bad)?;
+    let view = directory
+        .join("views")
+        .join(format!("{}.json", file_stem(object)));
+    let mesh: ViewMesh = serde_json::from_slice(&read(&view, "run it again")?).map_err(bad)?;
+    let glb = glb::animated(&replay, &mesh, &manifest.gripper).map_err(Failure::input)?;
+    fs::write(path, glb)
+        .map_err(|e| Failure::input(format!("cannot write {}: {e}", path.display())))?;
+    println!("{}", path.display());
     Ok(Exit::Success)
 }
 

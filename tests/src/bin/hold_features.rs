@@ -2,7 +2,7 @@
 //! each ACRONYM file, tried under the preset `acronym`.
 //!
 //! `cargo run --release -p shakedown_tests --bin hold_features -- ROOT GRASPS_PER_FILE OUT.csv`
-//! where ROOT holds `grasps/` and `meshes/`.
+//! where ROOT holds `grasps/` and `meshes/`. A fourth word, `geometry`, leaves the trials out.
 
 use std::fs;
 use std::io::Write as _;
@@ -18,8 +18,12 @@ use shakedown_sim::{Protocol, Scene, run_trial};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [root, each, out] = &arguments[..] else {
-        return Err("give ROOT GRASPS_PER_FILE OUT.csv".into());
+    let (Some((root, each, out)), geometry_only) = (match &arguments[..] {
+        [root, each, out] => (Some((root, each, out)), false),
+        [root, each, out, word] if word == "geometry" => (Some((root, each, out)), true),
+        _ => (None, false),
+    }) else {
+        return Err("give ROOT GRASPS_PER_FILE OUT.csv [geometry]".into());
     };
     let each: usize = each.parse()?;
     let mut files: Vec<PathBuf> = fs::read_dir(Path::new(root).join("grasps"))?
@@ -31,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     writeln!(csv, "object,grasp,label,{}", NAMES.join(","))?;
     for (i, path) in files.iter().enumerate() {
         eprintln!("{}/{} {}", i + 1, files.len(), path.display());
-        for row in rows(Path::new(root), path, each)? {
+        for row in rows(Path::new(root), path, each, geometry_only)? {
             writeln!(csv, "{row}")?;
         }
         csv.flush()?;
@@ -39,7 +43,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn rows(root: &Path, path: &Path, each: usize) -> Result<Vec<String>, Box<dyn std::error::Error>> {
+fn rows(
+    root: &Path,
+    path: &Path,
+    each: usize,
+    geometry_only: bool,
+) -> Result<Vec<String>, Box<dyn std::error::Error>> {
     let file = read_grasps(path, &ReadOptions::default())?;
     let id = shakedown_objects::object::stem(path);
     let reference = &file.object;
@@ -70,8 +79,8 @@ fn rows(root: &Path, path: &Path, each: usize) -> Result<Vec<String>, Box<dyn st
             let pose = &grasp.object_from_hand;
             let verdict = classify(&hand, &object.surface, pose, &Thresholds::default());
             let lines = profile(&hand, &object.surface, pose);
-            let outcome = run_trial(&scene, pose);
-            let values = features(&hand, &facts, pose, &verdict, &lines, Some(&outcome));
+            let outcome = (!geometry_only).then(|| run_trial(&scene, pose));
+            let values = features(&hand, &facts, pose, &verdict, &lines, outcome.as_ref());
             let label = grasp.label.map_or("", |l| if l { "1" } else { "0" });
             let mut row = format!("{id},{},{label}", grasp.index);
             for v in values {
