@@ -1,6 +1,7 @@
 //! The `shakedown` binary: does this grasp hold?
 
 mod args;
+mod args_judging;
 mod commands;
 mod failure;
 mod grasps;

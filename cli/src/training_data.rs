@@ -17,7 +17,8 @@ use shakedown_sampler::{AntipodalSettings, FlowModel, FlowSample, sample_antipod
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::{Preset, TrainingObject};
 
-use crate::args::{Global, ObjectArgs, TrainArgs};
+use crate::args::{Global, ObjectArgs};
+use crate::args_judging::TrainArgs;
 use crate::failure::Failure;
 use crate::plan::{Item, Material};
 use crate::progress;
@@ -143,12 +144,12 @@ struct Context<'a> {
 impl Context<'_> {
     fn good_grasps(&self, source: &Source) -> Result<(Object, Vec<Grasp>), Failure> {
         match source {
-            Source::File(path) => self.from_file(path),
+            Source::File(path) => self.acronym(path),
             Source::Shape(shape) => self.tried(shape),
         }
     }
 
-    fn from_file(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
+    fn acronym(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
         let options = ReadOptions::default();
         let item = Item {
             id: shakedown_objects::object::stem(path),

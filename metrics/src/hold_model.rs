@@ -75,11 +75,12 @@ impl HoldModel {
         }
         for (t, tree) in model.trees.iter().enumerate() {
             for (i, node) in tree.iter().enumerate() {
-                let is_end = node.left == 0;
+                if node.left == 0 {
+                    continue;
+                }
                 // Children come after their parent, so no walk can go in circles.
                 let leads = |to: usize| to > i && to < tree.len();
-                if !is_end && !(leads(node.left) && leads(node.right) && node.feature < NAMES.len())
-                {
+                if !leads(node.left) || !leads(node.right) || node.feature >= NAMES.len() {
                     return Err(format!("tree {t}, node {i}: leads nowhere"));
                 }
             }

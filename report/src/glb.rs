@@ -1,6 +1,7 @@
 //! One recorded trial as an animated GLB: opens in Blender and any glTF viewer.
 
 use std::borrow::Cow;
+use std::f32::consts::FRAC_1_SQRT_2;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -42,7 +43,7 @@ pub fn animated(replay: &Replay, mesh: &ViewMesh, gripper: &Value) -> Result<Vec
     hand_children.extend(children(0, palm.len()));
     let mut nodes = vec![
         // glTF has y up; the hand's approach points down.
-        json!({"name": "trial", "children": [1, 2], "rotation": [0.7071068, 0.0, 0.0, 0.7071068]}),
+        json!({"name": "trial", "children": [1, 2], "rotation": [FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]}),
         json!({"name": replay.object, "mesh": object_mesh}),
         json!({"name": "hand", "children": hand_children}),
         json!({"name": "finger_left", "children": children(palm.len(), finger.len())}),

@@ -10,7 +10,8 @@ use shakedown_report::comparison::{ComparisonReport, differences};
 use shakedown_report::results::Results;
 use shakedown_report::table::aligned;
 
-use crate::args::{CompareArgs, FailOn, Format, Global, PairBy};
+use crate::args::{Format, Global};
+use crate::args_judging::{CompareArgs, FailOn, PairBy};
 use crate::failure::{Exit, Failure};
 
 pub fn run(global: &Global, args: &CompareArgs) -> Result<Exit, Failure> {
@@ -18,7 +19,7 @@ pub fn run(global: &Global, args: &CompareArgs) -> Result<Exit, Failure> {
         alpha: args.alpha,
         min_effect: args.min_effect,
     };
-    if !(gate.alpha > 0.0 && gate.alpha < 1.0) || !(0.0..1.0).contains(&gate.min_effect) {
+    if gate.alpha <= 0.0 || gate.alpha >= 1.0 || !(0.0..1.0).contains(&gate.min_effect) {
         return Err(Failure::usage(
             "--alpha lies between 0 and 1, --min-effect from 0 to 1 (0.02 is two points)",
         ));

@@ -15,7 +15,8 @@ use shakedown_sampler::{AntipodalSettings, sample_antipodal};
 use shakedown_sim::{Outcome, Protocol, Scene, run_trial};
 
 use super::objects::obj_text;
-use crate::args::{Format, Global, LabelArgs, SourceArgs};
+use crate::args::{Format, Global, SourceArgs};
+use crate::args_judging::LabelArgs;
 use crate::failure::{Exit, Failure};
 use crate::plan::{Item, Plan};
 use crate::{interrupt, progress};

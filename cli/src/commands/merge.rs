@@ -11,7 +11,8 @@ use shakedown_report::view::ViewMesh;
 use shakedown_report::{Manifest, glb, journal, merge};
 
 use super::run::{print, summary_of};
-use crate::args::{Global, MergeArgs, ReportArgs};
+use crate::args::Global;
+use crate::args_judging::{MergeArgs, ReportArgs};
 use crate::failure::{Exit, Failure};
 
 pub fn run(global: &Global, args: &MergeArgs) -> Result<Exit, Failure> {

@@ -15,7 +15,8 @@ use shakedown_sampler::seed;
 use shakedown_sim::{Outcome, Protocol, Scene, run_trial};
 
 use super::sample::{by_extension, reference_of};
-use crate::args::{Format, Global, RankArgs};
+use crate::args::{Format, Global};
+use crate::args_judging::RankArgs;
 use crate::failure::{Exit, Failure};
 use crate::plan::Plan;
 use crate::settings::Source;

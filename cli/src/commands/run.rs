@@ -12,7 +12,8 @@ use shakedown_report::results::Results;
 use shakedown_report::{Manifest, Store, baseline, markdown, reference, rows};
 use shakedown_sim::Label;
 
-use crate::args::{Cli, Command, Format, Global, ResumeArgs, RunArgs};
+use crate::args::{Cli, Command, Format, Global, RunArgs};
+use crate::args_judging::ResumeArgs;
 use crate::failure::{Exit, Failure};
 use crate::job::Job;
 use crate::plan::Plan;

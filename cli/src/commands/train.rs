@@ -14,7 +14,8 @@ use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::export::Provenance;
 use shakedown_trainer::{Observer, Preset, Progress, Training, train};
 
-use crate::args::{Global, TrainArgs};
+use crate::args::Global;
+use crate::args_judging::TrainArgs;
 use crate::failure::{Exit, Failure};
 use crate::progress;
 use crate::training_data::TrainingData;
