@@ -19,7 +19,8 @@ pub fn run(global: &Global, args: &CompareArgs) -> Result<Exit, Failure> {
         alpha: args.alpha,
         min_effect: args.min_effect,
     };
-    if gate.alpha <= 0.0 || gate.alpha >= 1.0 || !(0.0..1.0).contains(&gate.min_effect) {
+    let is_level = gate.alpha > 0.0 && gate.alpha < 1.0;
+    if !is_level || !(0.0..1.0).contains(&gate.min_effect) {
         return Err(Failure::usage(
             "--alpha lies between 0 and 1, --min-effect from 0 to 1 (0.02 is two points)",
         ));

@@ -1,0 +1,34 @@
+//! The models that come with this repository can be used as they are.
+
+#![cfg(feature = "onnx")]
+
+use shakedown_gripper_assets::Gripper;
+use shakedown_objects::shapes::Family;
+use shakedown_sampler::{FlowModel, ModelFiles, built_in_names};
+
+#[test]
+fn each_draws_grasps_whose_tcp_lies_at_the_object() {
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Mug.member(2).object().unwrap();
+    let (low, high) = object.surface.mesh().bounds();
+    for name in built_in_names() {
+        let files = ModelFiles::find(name).unwrap();
+        let size = files.encoder.len() + files.velocity.len();
+        assert!(size <= 8 << 20, "{name}: {size} bytes");
+        let card = files.parsed_card().unwrap();
+        assert_eq!(card.name, name);
+        assert!(!card.licence.is_empty() && card.command.contains("shakedown train"));
+        let mut model = FlowModel::open(&files, None).unwrap();
+        let grasps = model.sample(&object, &gripper, 64, 0, None).unwrap();
+        let near = grasps
+            .iter()
+            .filter(|g| {
+                let tcp = g.object_from_hand * nalgebra::Point3::new(0.0, 0.0, gripper.tcp_z_m);
+                (0..3).all(|k| tcp[k] > low[k] - 0.02 && tcp[k] < high[k] + 0.02)
+            })
+            .count();
+        assert!(near >= 58, "{name}: {near} of 64");
+    }
+    let error = ModelFiles::find("nobody").unwrap_err().to_string();
+    assert!(error.contains("rfm-embedded") && error.contains("rfm-acronym"), "{error}");
+}
