@@ -30,5 +30,8 @@ fn each_draws_grasps_whose_tcp_lies_at_the_object() {
         assert!(near >= 58, "{name}: {near} of 64");
     }
     let error = ModelFiles::find("nobody").unwrap_err().to_string();
-    assert!(error.contains("rfm-embedded") && error.contains("rfm-acronym"), "{error}");
+    assert!(
+        error.contains("rfm-embedded") && error.contains("rfm-acronym"),
+        "{error}"
+    );
 }
