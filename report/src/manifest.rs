@@ -46,6 +46,7 @@ pub struct ManifestObject {
     /// blake3 of the source: mesh file and grasp file bytes, or the shape's parameters.
     pub source_hash: String,
     /// blake3 of the mesh alone: mesh file bytes, or the shape's parameters.
+    #[serde(default)]
     pub mesh_hash: String,
 }
 

@@ -65,6 +65,56 @@ pub fn throughput(summary: &Summary) -> Option<String> {
     })
 }
 
+/// The main rates and the objects as bars, for a terminal that shows block characters.
+pub fn bars(summary: &Summary) -> String {
+    let mut lines: Vec<(String, f64)> = Vec::new();
+    if let Some(g) = &summary.geometry {
+        lines.push(("optimal (geometry)".into(), g.optimal));
+    }
+    if let Some(p) = &summary.physics {
+        lines.push(("held (physics)".into(), p.held));
+        for (name, n) in p
+            .outcomes
+            .iter()
+            .filter(|(name, n)| *name != "held" && **n > 0)
+        {
+            lines.push((format!("  {name}"), *n as f64 / p.n.max(1) as f64));
+        }
+        if (2..=LISTED).contains(&summary.objects.len()) {
+            lines.extend(summary.objects.iter().filter_map(|o| {
+                let name: String = o
+                    .object
+                    .chars()
+                    .filter(|c| !c.is_control())
+                    .take(30)
+                    .collect();
+                Some((name, o.physics.as_ref()?.held))
+            }));
+        }
+    }
+    let width = lines
+        .iter()
+        .map(|(name, _)| name.chars().count())
+        .max()
+        .unwrap_or(0);
+    lines
+        .into_iter()
+        .map(|(name, rate)| {
+            let pad = " ".repeat(width - name.chars().count());
+            format!("{name}{pad} {} {}\n", bar(rate), percent(rate))
+        })
+        .collect()
+}
+
+/// Thirty cells, in eighths.
+fn bar(rate: f64) -> String {
+    const PARTS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
+    let eighths = (rate.clamp(0.0, 1.0) * 240.0).round() as usize;
+    let text = "█".repeat(eighths / 8) + PARTS[eighths % 8];
+    let rest = 30 - text.chars().count();
+    text + &"·".repeat(rest)
+}
+
 fn headline(summary: &Summary) -> String {
     let mut rows = Vec::new();
     let mut row = |name: &str, rate: f64, ci: String| {
@@ -210,4 +260,17 @@ fn objects(summary: &Summary) -> String {
         ));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_are_as_long_as_their_rates_and_all_of_one_width() {
+        assert_eq!(bar(0.0), "·".repeat(30));
+        assert_eq!(bar(1.0), "█".repeat(30));
+        assert!(bar(0.5).starts_with(&"█".repeat(15)) && bar(0.5).contains('·'));
+        assert!((0..=100).all(|k| bar(f64::from(k) / 100.0).chars().count() == 30));
+    }
 }

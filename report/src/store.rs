@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use shakedown_metrics::Summary;
 
-use crate::journal::{Done, Journal, Start};
+use crate::journal::{self, Done, Journal, Start};
 use crate::manifest::Manifest;
 use crate::reference::Reference;
 use crate::results::ResultsError;
@@ -109,8 +109,11 @@ fn claim(directory: &Path, manifest: &Manifest) -> Result<(), StoreError> {
             }
         }
         Err(_) => {
-            let mut entries = fs::read_dir(directory).map_err(io(directory))?;
-            if entries.next().is_some() {
+            // A kill right at the start may have left the journal and nothing else.
+            let own = [journal::DIRECTORY, "manifest.json.part"];
+            let foreign = |e: &fs::DirEntry| own.iter().all(|name| e.file_name() != *name);
+            let entries = fs::read_dir(directory).map_err(io(directory))?;
+            if entries.filter_map(Result::ok).any(|e| foreign(&e)) {
                 return Err(occupied("is not empty and holds no manifest.json".into()));
             }
         }

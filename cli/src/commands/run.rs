@@ -1,5 +1,6 @@
 //! `shakedown run` and `shakedown resume`: the main job.
 
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
@@ -142,6 +143,9 @@ pub fn print(global: &Global, manifest: &Manifest, summary: &Summary, directory:
         Format::Text | Format::Md => print!("{}", markdown::summary(manifest, summary)),
     }
     if !global.quiet {
+        if std::io::stdout().is_terminal() && global.format == Format::Text {
+            println!("\n{}", markdown::bars(summary));
+        }
         if let Some(line) = markdown::throughput(summary) {
             eprintln!("\n{line}");
         }
