@@ -172,12 +172,22 @@ mod tests {
             let p = model.p_hold(&missing);
             assert!((0.0..=1.0).contains(&p));
         }
+        // Over many grasps, those that held in the trial are more likely to hold.
         let model = HoldModel::built_in(true);
-        let mut held = [f32::NAN; NAMES.len()];
-        held[GEOMETRIC] = 1.0;
-        let mut lost = held;
-        lost[GEOMETRIC] = 0.0;
-        assert!(model.p_hold(&held) > model.p_hold(&lost));
+        let mut state = 1u32;
+        let mut unit = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let mut means = [0.0; 2];
+        for _ in 0..500 {
+            let mut values: [f32; NAMES.len()] = std::array::from_fn(|_| 20.0 * unit());
+            for (held, mean) in means.iter_mut().enumerate() {
+                values[GEOMETRIC] = held as f32;
+                *mean += model.p_hold(&values) / 500.0;
+            }
+        }
+        assert!(means[1] > means[0], "{means:?}");
     }
 
     #[test]
