@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use shakedown_classifier::{HandModel, Thresholds};
 use shakedown_gripper_assets::Gripper;
-use shakedown_sampler::{AntipodalSettings, ModelCard, ModelFiles, built_in_names};
+use shakedown_sampler::{AntipodalSettings, built_in_names};
+#[cfg(feature = "onnx")]
+use shakedown_sampler::{ModelCard, ModelFiles};
 use shakedown_sim::Protocol;
 
 use crate::args::{RunArgs, Sampler, SourceArgs, Stage};

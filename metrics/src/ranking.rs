@@ -36,9 +36,10 @@ impl Standing {
 /// Runs a race for the `top` best of candidates with these priors: at most `rounds` trials each,
 /// `try_all(round, candidates)` says which of them hold under disturbance number `round`.
 ///
-/// A candidate leaves when its interval lies wholly below the lower ends of `top` others, so what
-/// the race decides is the membership of the top; all of these get every round unless the race is
-/// over. Returns all candidates, best first.
+/// A candidate leaves when its interval lies wholly below the lower ends of `top` others. Where many
+/// are equally good no interval ever tells, so after 2, 4, 8, ... rounds the worse half leaves too
+/// (successive halving: Z. Karnin, T. Koren, O. Somekh, ICML 2013), down to twice `top`. Returns all
+/// candidates, best first.
 pub fn race(
     priors: &[f64],
     top: usize,
@@ -65,6 +66,17 @@ pub fn race(
         lows.sort_by(|a, b| b.total_cmp(a));
         if let Some(&bar) = lows.get(top.saturating_sub(1)) {
             racing.retain(|&i| standings[i].interval()[1] >= bar);
+        }
+        // After 2, 4, 8, ... rounds the better half goes on, but never fewer than twice the top.
+        let done = round + 1;
+        if done >= 2 && done.is_power_of_two() && racing.len() > 2 * top {
+            let keep = racing.len().div_ceil(2).max(2 * top);
+            racing.sort_by(|&a, &b| {
+                let by = standings[b].p_hold().total_cmp(&standings[a].p_hold());
+                by.then(a.cmp(&b))
+            });
+            racing.truncate(keep);
+            racing.sort_unstable();
         }
     }
     // Who raced longer stands before who was dropped; then the estimate.
