@@ -76,6 +76,9 @@ impl ModelFiles {
     pub fn read(directory: &Path) -> Result<Self, ModelError> {
         let bytes = |name: &str| {
             let path = directory.join(name);
+            if !path.exists() {
+                return Err(ModelError::bad(&path, "the file is missing"));
+            }
             fs::read(&path).map_err(|source| ModelError::Io { path, source })
         };
         let card = directory.join("model.toml");
