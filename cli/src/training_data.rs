@@ -13,6 +13,7 @@ use shakedown_gripper_assets::{
 use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::Object;
 use shakedown_objects::shapes::{Family, Shape, Split};
+use shakedown_report::results::{Metric, Results};
 use shakedown_sampler::{AntipodalSettings, FlowModel, FlowSample, sample_antipodal};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::{Preset, TrainingObject};
@@ -315,27 +316,15 @@ impl Held {
         }
         let mut held: BTreeMap<String, BTreeSet<u64>> = BTreeMap::new();
         for run in runs {
-            let path = run.join("trials.csv");
-            let bad = |e: String| Failure::input(format!("{}: {e}", path.display()));
-            let mut reader = csv::Reader::from_path(&path).map_err(|e| bad(e.to_string()))?;
-            let headers = reader.headers().map_err(|e| bad(e.to_string()))?.clone();
-            let column = |name: &str| {
-                headers
-                    .iter()
-                    .position(|h| h == name)
-                    .ok_or_else(|| bad(format!("there is no column `{name}`")))
-            };
-            let (object, grasp, outcome) = (column("object")?, column("grasp")?, column("held")?);
-            for record in reader.records() {
-                let record = record.map_err(|e| bad(e.to_string()))?;
-                if &record[outcome] == "1" {
-                    let index = record[grasp]
-                        .parse()
-                        .map_err(|_| bad(format!("grasp {:?} is not a number", &record[grasp])))?;
-                    held.entry(record[object].to_owned())
-                        .or_default()
-                        .insert(index);
-                }
+            let name = run.display().to_string();
+            let tries = Results::open(&name)?.tries(Metric::Held).ok_or_else(|| {
+                Failure::input(format!(
+                    "{name}: no trial was run in it; run the physics stage"
+                ))
+            })?;
+            for (object, grasps) in tries {
+                let good = grasps.iter().filter(|t| t.success).map(|t| t.grasp);
+                held.entry(object).or_default().extend(good);
             }
         }
         Ok(Self(Some(held)))

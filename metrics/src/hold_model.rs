@@ -3,6 +3,8 @@
 //! Gradient-boosted trees (J. H. Friedman, Ann. Stat. 29(5), 2001) over [`crate::features`], in a
 //! JSON file that a person can read. `tests/calibration/fit_p_hold.py` makes it.
 
+use std::sync::OnceLock;
+
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use shakedown_classifier::profile::profile;
@@ -59,9 +61,12 @@ const TRIAL: &str = include_str!("../models/p_hold_acronym.json");
 
 impl HoldModel {
     /// The built-in model for geometry alone, or for geometry and a trial of preset `acronym`.
-    pub fn built_in(with_trial: bool) -> Self {
-        let text = if with_trial { TRIAL } else { GEOMETRY };
-        Self::parse(text).expect("the built-in models are tested")
+    pub fn built_in(with_trial: bool) -> &'static Self {
+        static MODELS: [OnceLock<HoldModel>; 2] = [OnceLock::new(), OnceLock::new()];
+        MODELS[usize::from(with_trial)].get_or_init(|| {
+            let text = if with_trial { TRIAL } else { GEOMETRY };
+            Self::parse(text).expect("the built-in models are tested")
+        })
     }
 
     /// Reads a model from its JSON.
@@ -114,7 +119,7 @@ impl HoldModel {
 
 /// The model with the facts of one object: what callers ask for `p_hold`.
 pub struct HoldJudge {
-    model: HoldModel,
+    model: &'static HoldModel,
     facts: ObjectFacts,
 }
 
@@ -192,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_tree_that_leads_nowhere_is_refused() {
-        let mut model = HoldModel::built_in(false);
+        let mut model = HoldModel::built_in(false).clone();
         model.trees[0][0].left = 10_000;
         let text = serde_json::to_string(&model).unwrap();
         assert!(

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use shakedown_sampler::{Integrator, ModelCard};
+use shakedown_sampler::ModelCard;
 
 use crate::checkpoint::replace;
 use crate::conv::KERNEL;
@@ -73,10 +73,7 @@ fn card(preset: &Preset, provenance: &Provenance) -> ModelCard {
         normalisation: flow.normalisation,
         noise_translation_std: flow.noise_translation_std,
         steps: flow.steps,
-        integrator: match flow.integrator {
-            Integrator::Euler => Integrator::Euler,
-            Integrator::Heun => Integrator::Heun,
-        },
+        integrator: flow.integrator,
         control_points_m: if preset.network.hand_frame {
             features::control_points_m()
         } else {
