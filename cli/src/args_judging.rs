@@ -195,6 +195,13 @@ pub struct TrainArgs {
     /// Learn only from grasps whose p_hold by geometry is at least this
     #[arg(long, value_name = "P")]
     pub min_p_hold: Option<f64>,
+    /// With files: learn from N stretched copies of each object too; its grasps are carried along and
+    /// kept where geometry says that they hold
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub stretched: u64,
+    /// With files: keep N of the objects out of the training and validate on them
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub hold_out: usize,
     /// With `embedded`: variants of each of the twelve families
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub variants: u64,

@@ -10,6 +10,7 @@ mod job;
 mod plan;
 mod progress;
 mod settings;
+mod stretched;
 #[cfg(feature = "train")]
 mod training_data;
 mod work;

@@ -23,6 +23,7 @@ use crate::args_judging::TrainArgs;
 use crate::failure::Failure;
 use crate::plan::{Item, Material};
 use crate::progress;
+use crate::stretched;
 
 /// Objects to learn from, and some of them to validate on.
 pub struct TrainingData {
@@ -46,6 +47,11 @@ impl TrainingData {
         protocol: &Protocol,
     ) -> Result<Self, Failure> {
         let embedded = args.data.iter().any(|d| d == "embedded");
+        if embedded && (args.stretched > 0 || args.hold_out > 0) {
+            return Err(Failure::usage(
+                "--stretched and --hold-out are for files; embedded shapes are drawn with --variants",
+            ));
+        }
         if embedded && args.data.len() > 1 {
             return Err(Failure::usage(
                 "--data embedded stands alone; files and directories may be mixed",
@@ -73,31 +79,39 @@ impl TrainingData {
             }
             None => None,
         };
-        let every = sources.len().div_ceil(VALIDATION_OBJECTS);
-        let loaded: Vec<(TrainingObject, Option<Object>)> = sources
+        if args.hold_out >= sources.len() && args.hold_out > 0 {
+            return Err(Failure::usage(format!(
+                "--hold-out {} leaves none of the {} objects to learn from",
+                args.hold_out,
+                sources.len()
+            )));
+        }
+        let validated = match args.hold_out {
+            0 => VALIDATION_OBJECTS,
+            n => n,
+        };
+        let every = sources.len().div_ceil(validated);
+        let loaded: Vec<(Vec<TrainingObject>, Option<Object>)> = sources
             .par_iter()
             .enumerate()
             .map(|(i, source)| {
-                let (object, good) = context.good_grasps(source)?;
-                let mut trained = TrainingObject::new(
-                    &object.id,
-                    &object.surface,
-                    &good,
-                    gripper.tcp_z_m,
-                    preset,
-                )?;
-                if let Some(teacher) = teacher.as_ref().filter(|_| !good.is_empty()) {
-                    let ends = context.paths(teacher, &object)?;
-                    trained.rectify(&ends, preset.training.translation_weight);
-                }
+                let is_validated = i % every == 0;
+                let learned = if is_validated && args.hold_out > 0 {
+                    Vec::new()
+                } else {
+                    context.learned(source, preset, teacher.as_ref())?
+                };
+                let object = is_validated.then(|| context.object(source)).transpose()?;
                 bar.inc(1);
-                Ok((trained, (i % every == 0).then_some(object)))
+                Ok((learned, object))
             })
             .collect::<Result<_, Failure>>()?;
         bar.finish_and_clear();
         let (objects, validation): (Vec<_>, Vec<_>) = loaded.into_iter().unzip();
-        let (objects, empty): (Vec<_>, Vec<_>) =
-            objects.into_iter().partition(|o| !o.poses.is_empty());
+        let (objects, empty): (Vec<_>, Vec<_>) = objects
+            .into_iter()
+            .flatten()
+            .partition(|o| !o.poses.is_empty());
         for o in &empty {
             progress::note(
                 global,
@@ -112,8 +126,19 @@ impl TrainingData {
                 protocol.name
             )
         } else {
-            format!("{} ACRONYM files, successful grasps", objects.len())
+            format!(
+                "{} ACRONYM files, successful grasps",
+                sources.len()
+                    - if args.hold_out > 0 {
+                        sources.len().div_ceil(every)
+                    } else {
+                        0
+                    }
+            )
         };
+        if args.stretched > 0 {
+            description += &format!(", each object with {} stretched copies", args.stretched);
+        }
         if !args.held_in.is_empty() {
             description += " that also held in our own trial";
         }
@@ -150,8 +175,52 @@ impl Context<'_> {
         }
     }
 
-    fn acronym(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
-        let options = ReadOptions::default();
+    /// What a source teaches: its object and the stretched copies of it.
+    fn learned(
+        &self,
+        source: &Source,
+        preset: &Preset,
+        teacher: Option<&Mutex<FlowModel>>,
+    ) -> Result<Vec<TrainingObject>, Failure> {
+        let (object, good) = self.good_grasps(source)?;
+        let mut learned = vec![self.one(&object, &good, preset, teacher)?];
+        for index in 0..self.args.stretched {
+            let (copy, stretch) = stretched::copy(&object, index, self.global.seed);
+            let carried = good
+                .iter()
+                .map(|g| stretched::carry(g, &stretch, self.gripper.tcp_z_m))
+                .collect();
+            let least = self.args.min_p_hold.unwrap_or(0.5);
+            let carried = self.likely(&copy, carried, least)?;
+            learned.push(self.one(&copy, &carried, preset, teacher)?);
+        }
+        Ok(learned)
+    }
+
+    fn one(
+        &self,
+        object: &Object,
+        good: &[Grasp],
+        preset: &Preset,
+        teacher: Option<&Mutex<FlowModel>>,
+    ) -> Result<TrainingObject, Failure> {
+        let tcp_z_m = self.gripper.tcp_z_m;
+        let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
+        if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
+            let ends = self.paths(teacher, object)?;
+            trained.rectify(&ends, preset.training.translation_weight);
+        }
+        Ok(trained)
+    }
+
+    fn object(&self, source: &Source) -> Result<Object, Failure> {
+        match source {
+            Source::File(path) => self.file_object(path),
+            Source::Shape(shape) => Ok(shape.object()?),
+        }
+    }
+
+    fn file_object(&self, path: &Path) -> Result<Object, Failure> {
         let item = Item {
             id: shakedown_objects::object::stem(path),
             material: Material::GraspFile(path.to_owned()),
@@ -161,7 +230,12 @@ impl Context<'_> {
             mesh_root: self.args.mesh_root.clone(),
             ..ObjectArgs::default()
         };
-        let object = item.load(&args, &options)?;
+        item.load(&args, &ReadOptions::default())
+    }
+
+    fn acronym(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
+        let options = ReadOptions::default();
+        let object = self.file_object(path)?;
         let mut grasps = read_grasps(path, &options)?.grasps;
         grasps.retain(|g| g.label == Some(true) && self.held.allows(&object.id, g.index));
         if let Some(least) = self.args.min_p_hold {

@@ -17,6 +17,7 @@ pub mod pieces;
 pub mod sdf;
 pub mod set;
 pub mod shapes;
+mod stretch;
 pub mod surface;
 pub mod triangle;
 

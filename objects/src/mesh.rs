@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::error::{ObjectError, Place};
 
@@ -159,6 +159,14 @@ impl TriMesh {
     pub fn scaled(&self, factor: f64) -> Self {
         Self {
             vertices: self.vertices.iter().map(|v| v * factor).collect(),
+            faces: self.faces.clone(),
+        }
+    }
+
+    /// The mesh under a linear map about the origin that keeps the orientation.
+    pub fn mapped(&self, map: &Matrix3<f64>) -> Self {
+        Self {
+            vertices: self.vertices.iter().map(|v| map * v).collect(),
             faces: self.faces.clone(),
         }
     }

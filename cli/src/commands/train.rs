@@ -180,17 +180,17 @@ impl Watch<'_> {
                     .count();
             }
         }
+        let kind = if self.args.hold_out > 0 {
+            "held_out_objects"
+        } else {
+            "training_objects"
+        };
         let names = ["graspable", "collision_free", "optimal", "held"];
         Ok(names
             .into_iter()
             .zip(counts)
             .filter(|(name, _)| physics || *name != "held")
-            .map(|(name, c)| {
-                (
-                    format!("training_objects_{name}"),
-                    c as f64 / n.max(1) as f64,
-                )
-            })
+            .map(|(name, c)| (format!("{kind}_{name}"), c as f64 / n.max(1) as f64))
             .collect())
     }
 }
