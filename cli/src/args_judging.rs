@@ -153,6 +153,9 @@ pub struct CompareArgs {
     /// Compare although protocol, version, hand or objects differ; the verdict says so
     #[arg(long)]
     pub allow_protocol_change: bool,
+    /// Write the two runs side by side as a page there; changed grasps can be watched in both
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
     /// Write JUnit XML there (- for stdout)
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,

@@ -84,7 +84,14 @@ impl Bench {
     pub fn view(&self) -> ViewMesh {
         let mesh = self.object.surface.mesh();
         let vertices: Vec<[f64; 3]> = mesh.vertices().iter().map(|v| v.coords.into()).collect();
-        ViewMesh::new(&self.object.id, &vertices, mesh.faces())
+        let view = ViewMesh::new(&self.object.id, &vertices, mesh.faces());
+        let pieces: Vec<Vec<[f64; 3]>> = self
+            .scene
+            .iter()
+            .flat_map(Scene::pieces)
+            .map(|piece| piece.iter().map(|c| c.coords.into()).collect())
+            .collect();
+        view.with_pieces(&pieces)
     }
 
     /// Rows of a chunk of grasps in their order, the same for any number of threads; `None` for

@@ -63,6 +63,27 @@ fn the_page_shows_what_the_files_say() {
 }
 
 #[test]
+fn a_comparison_shows_the_grasps_that_changed_and_plays_both_trials() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let common = "--filter mug_0 --sampler antipodal --candidates 12 --record all -q";
+    for (out, force) in [("strong", "300"), ("weak", "12")] {
+        let force = format!("grip_force_per_kg_n={force}");
+        let mut args = vec!["run", "--out", out, "--set", &force];
+        args.extend(common.split(' '));
+        run(d, &args);
+    }
+    let words = "compare strong weak --allow-protocol-change --fail-on never --html page.html";
+    run(d, &words.split(' ').collect::<Vec<_>>());
+    script("compare.mjs", &d.join("page.html"));
+    // Bare tables have no poses to show.
+    let words = "compare strong/trials.csv weak/trials.csv --allow-protocol-change --fail-on never --html bare.html";
+    run(d, &words.split(' ').collect::<Vec<_>>());
+    let bare = fs::read_to_string(d.join("bare.html")).unwrap();
+    assert!(bare.contains("needs both runs as directories"));
+}
+
+#[test]
 fn hostile_names_are_shown_as_text_and_run_nowhere() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();

@@ -25,6 +25,17 @@ pub struct Distances {
     pub emd_equigraspflow: f64,
 }
 
+/// One of the distances.
+pub type Part = fn(&Distances) -> f64;
+
+/// The distances with their names for tables.
+pub const DISTANCES: [(&str, Part); 4] = [
+    ("W1 translation, m", |d| d.w1_translation_m),
+    ("W1 rotation, rad", |d| d.w1_rotation_rad),
+    ("EMD, SE(3)-DiffusionFields", |d| d.emd_se3dif),
+    ("EMD, EquiGraspFlow", |d| d.emd_equigraspflow),
+];
+
 /// The block of `summary.json`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {

@@ -103,6 +103,32 @@ impl ConvexBody {
         }
     }
 
+    /// Its faces as triangles, counter-clockwise seen from outside.
+    pub fn triangles(&self) -> Vec<[Point3<f64>; 3]> {
+        let size = (self.bounds().1 - self.bounds().0).norm();
+        let mut triangles = Vec::new();
+        for (normal, offset) in &self.planes {
+            let on_plane = |v: &&Point3<f64>| (normal.dot(&v.coords) - offset).abs() < 1e-6 * size;
+            let mut corners: Vec<Point3<f64>> =
+                self.vertices.iter().filter(on_plane).copied().collect();
+            let Some(first) = corners.first().copied() else {
+                continue;
+            };
+            let sum: Vector3<f64> = corners.iter().map(|v| v.coords).sum();
+            let middle = sum / corners.len() as f64;
+            let across = (first.coords - middle).normalize();
+            let along = normal.cross(&across);
+            let angle = |v: &Point3<f64>| {
+                let arm = v.coords - middle;
+                along.dot(&arm).atan2(across.dot(&arm))
+            };
+            corners.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+            let fan = corners.windows(2).skip(1);
+            triangles.extend(fan.map(|pair| [corners[0], pair[0], pair[1]]));
+        }
+        triangles
+    }
+
     /// Axis-aligned box, metres.
     pub fn bounds(&self) -> (Point3<f64>, Point3<f64>) {
         bounds(&self.vertices)
@@ -195,6 +221,21 @@ impl<const N: usize> Polygon<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_triangles_of_a_body_enclose_its_volume() {
+        let pose = Isometry3::new(Vector3::new(0.3, -0.1, 0.2), Vector3::new(0.4, 1.0, -0.3));
+        let body = ConvexBody::cuboid(Vector3::new(0.1, 0.2, 0.3), &pose);
+        let hull = ConvexBody::hull(&body.vertices).unwrap();
+        for body in [body, hull] {
+            let volume: f64 = body
+                .triangles()
+                .iter()
+                .map(|[a, b, c]| a.coords.dot(&b.coords.cross(&c.coords)) / 6.0)
+                .sum();
+            assert!((volume - 0.006).abs() < 1e-9, "{volume}");
+        }
+    }
 
     #[test]
     fn the_hull_of_a_box_is_the_box() {

@@ -30,7 +30,7 @@ const LISTED: usize = 10;
 /// Flipped grasps listed per object in text.
 const FLIPS: usize = 12;
 
-fn points(difference: f64) -> String {
+pub(crate) fn points(difference: f64) -> String {
     format!("{:+.1}", 100.0 * difference)
 }
 
@@ -281,7 +281,7 @@ fn flips(grasps: &[u64]) -> String {
     text.join(" ")
 }
 
-fn p_text(p: f64) -> String {
+pub(crate) fn p_text(p: f64) -> String {
     if p < 0.0001 {
         format!("{p:.0e}")
     } else {

@@ -6,7 +6,9 @@ use std::f32::consts::FRAC_1_SQRT_2;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use gltf::binary::{Glb, Header};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
+use shakedown_objects::ConvexBody;
 
 use crate::replay::Replay;
 use crate::view::ViewMesh;
@@ -14,7 +16,7 @@ use crate::view::ViewMesh;
 const FLOAT: u32 = 5126;
 const U16: u32 = 5123;
 
-/// The bytes of a GLB with the object, the hand (its parts as boxes) and the motion.
+/// The bytes of a GLB with the object, the hand and the motion.
 ///
 /// `gripper` is the hand as the manifest has it.
 ///
@@ -26,8 +28,8 @@ pub fn animated(replay: &Replay, mesh: &ViewMesh, gripper: &Value) -> Result<Vec
         .ok_or("the replay's data does not hold its frames")?;
     let mut file = Builder::default();
     let object_mesh = file.object(mesh)?;
-    let palm: Vec<usize> = parts(gripper, "palm").map(|b| file.cuboid(&b)).collect();
-    let finger: Vec<usize> = parts(gripper, "finger").map(|b| file.cuboid(&b)).collect();
+    let palm: Vec<usize> = parts(gripper, "palm").map(|b| file.body(&b)).collect();
+    let finger: Vec<usize> = parts(gripper, "finger").map(|b| file.body(&b)).collect();
     let leaf = |mesh: &usize| json!({ "mesh": mesh });
     // Nodes: 0 root, 1 object, 2 hand, 3 and 4 fingers, then the parts.
     let first = 5;
@@ -111,28 +113,24 @@ pub fn animated(replay: &Replay, mesh: &ViewMesh, gripper: &Value) -> Result<Vec
     .map_err(|e| e.to_string())
 }
 
-/// Lowest and highest corner of each part of a kind, hand or finger frame.
-fn parts<'a>(gripper: &'a Value, kind: &str) -> impl Iterator<Item = [[f32; 3]; 2]> + use<'a> {
-    let number = |v: &Value| v.as_f64().unwrap_or(0.0) as f32;
+/// The parts of a kind, hand or finger frame.
+fn parts<'a>(gripper: &'a Value, kind: &str) -> impl Iterator<Item = ConvexBody> + use<'a> {
+    let vector = |v: &Value| Vector3::from_fn(|k, _| v[k].as_f64().unwrap_or(0.0));
     let list = gripper[kind].as_array().into_iter().flatten();
-    list.map(move |part| {
-        let mut low = [f32::MAX; 3];
-        let mut high = [f32::MIN; 3];
-        if let Some(points) = part["hull_m"].as_array() {
-            for p in points {
-                for k in 0..3 {
-                    low[k] = low[k].min(number(&p[k]));
-                    high[k] = high[k].max(number(&p[k]));
-                }
-            }
-        } else {
-            for k in 0..3 {
-                let (size, centre) = (&part["box"]["size_m"][k], &part["box"]["centre_m"][k]);
-                low[k] = number(centre) - number(size) / 2.0;
-                high[k] = number(centre) + number(size) / 2.0;
-            }
+    list.filter_map(move |part| match part["hull_m"].as_array() {
+        Some(points) => {
+            let corners: Vec<_> = points.iter().map(|p| Point3::from(vector(p))).collect();
+            ConvexBody::hull(&corners)
         }
-        [low, high]
+        None => {
+            let cuboid = &part["box"];
+            let rpy = vector(&cuboid["rpy_rad"]);
+            let pose = Isometry3::from_parts(
+                Translation3::from(vector(&cuboid["centre_m"])),
+                UnitQuaternion::from_euler_angles(rpy.x, rpy.y, rpy.z),
+            );
+            Some(ConvexBody::cuboid(vector(&cuboid["size_m"]), &pose))
+        }
     })
 }
 
@@ -217,15 +215,15 @@ impl Builder {
         Ok(self.mesh(&positions, &decode(&mesh.faces)?, 0))
     }
 
-    fn cuboid(&mut self, [low, high]: &[[f32; 3]; 2]) -> usize {
-        let positions: Vec<f32> = (0..8)
-            .flat_map(|i| (0..3).map(move |k| if i >> k & 1 == 1 { high[k] } else { low[k] }))
+    fn body(&mut self, body: &ConvexBody) -> usize {
+        let triangles = body.triangles();
+        let positions: Vec<f32> = triangles
+            .iter()
+            .flatten()
+            .flat_map(|v| v.coords.iter().map(|x| *x as f32).collect::<Vec<_>>())
             .collect();
-        const FACES: [u16; 36] = [
-            0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4,
-            6, 1, 3, 5, 3, 7, 5,
-        ];
-        let indices: Vec<u8> = FACES.iter().flat_map(|i| i.to_le_bytes()).collect();
+        let corners = 0..(3 * triangles.len()) as u16;
+        let indices: Vec<u8> = corners.flat_map(u16::to_le_bytes).collect();
         self.mesh(&positions, &indices, 1)
     }
 }
@@ -255,12 +253,15 @@ mod tests {
         let faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
         let mesh = ViewMesh::new("mug", &vertices, &faces);
         let gripper = json!({
-            "palm": [{"hull_m": [[-0.1, -0.02, 0.0], [0.1, 0.02, 0.06]]}],
+            "palm": [{"hull_m": [[-0.1, -0.02, 0.0], [0.1, 0.02, 0.0], [0.1, -0.02, 0.0], [0.0, 0.0, 0.06]]}],
             "finger": [{"box": {"size_m": [0.01, 0.02, 0.05], "centre_m": [0.005, 0.0, 0.08]}}],
         });
         let bytes = animated(&replay, &mesh, &gripper).unwrap();
         let file = gltf::Gltf::from_slice(&bytes).unwrap();
         let blob = file.blob.as_ref().unwrap();
+        let palm = file.nodes().nth(5).unwrap().mesh().unwrap();
+        let corners = palm.primitives().next().unwrap().indices().unwrap().count();
+        assert_eq!(corners, 12, "the palm is a tetrahedron");
         let animation = file.animations().next().unwrap();
         let object = animation
             .channels()

@@ -1,7 +1,7 @@
 //! The summary that one would paste into a paper.
 
 use shakedown_metrics::Summary;
-use shakedown_metrics::distribution::Distribution;
+use shakedown_metrics::distribution::{DISTANCES, Distribution};
 use shakedown_metrics::summary::AgreementBlock;
 
 use crate::manifest::Manifest;
@@ -184,36 +184,15 @@ fn agreement(block: &AgreementBlock) -> String {
 }
 
 fn distribution(d: &Distribution) -> String {
-    let row = |name: &str, drawn: f64, floor: f64| {
+    let rows = DISTANCES.map(|(name, of)| {
+        let (drawn, floor) = (of(&d.drawn), of(&d.floor));
         vec![
             name.to_owned(),
             format!("{drawn:.4}"),
             format!("{floor:.4}"),
             format!("{:.2}", drawn / floor),
         ]
-    };
-    let rows = [
-        row(
-            "W1 translation, m",
-            d.drawn.w1_translation_m,
-            d.floor.w1_translation_m,
-        ),
-        row(
-            "W1 rotation, rad",
-            d.drawn.w1_rotation_rad,
-            d.floor.w1_rotation_rad,
-        ),
-        row(
-            "EMD, SE(3)-DiffusionFields",
-            d.drawn.emd_se3dif,
-            d.floor.emd_se3dif,
-        ),
-        row(
-            "EMD, EquiGraspFlow",
-            d.drawn.emd_equigraspflow,
-            d.floor.emd_equigraspflow,
-        ),
-    ];
+    });
     aligned(
         &["distance at the tcp", "drawn", "data against data", "ratio"],
         &rows,

@@ -26,6 +26,9 @@ pub struct ViewMesh {
     pub faces: String,
     /// Triangles of the mesh that was tried, if the view has fewer.
     pub thinned_from: Option<usize>,
+    /// Corners of each convex piece that the trial used, packed as the vertices are.
+    #[serde(default)]
+    pub pieces: Vec<String>,
 }
 
 impl ViewMesh {
@@ -65,7 +68,33 @@ impl ViewMesh {
             vertices: pack(&mut mesh.0.iter().flatten().copied()),
             faces: pack(&mut mesh.1.iter().flatten().copied()),
             thinned_from: (cell > 1).then_some(faces.len()),
+            pieces: Vec::new(),
         }
+    }
+
+    /// Adds the convex pieces of the object, corners in its frame, metres.
+    #[must_use]
+    pub fn with_pieces(mut self, pieces: &[Vec<[f64; 3]>]) -> Self {
+        // Pieces may stick out of the mesh a little; the view clips them to its box.
+        let steps = |x: f64, k: usize| {
+            ((x - f64::from(self.low[k])) / f64::from(self.step_m)).round() as u16
+        };
+        self.pieces = pieces
+            .iter()
+            .map(|corners| {
+                let numbers = corners
+                    .iter()
+                    .flat_map(|c| [0, 1, 2].map(|k| steps(c[k], k)));
+                STANDARD.encode(numbers.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())
+            })
+            .collect();
+        self
+    }
+
+    /// Bytes it takes in a file.
+    pub fn size(&self) -> usize {
+        let pieces: usize = self.pieces.iter().map(String::len).sum();
+        self.vertices.len() + self.faces.len() + pieces
     }
 
     /// The file's name under `views/`.

@@ -155,6 +155,13 @@ impl Scene {
         })
     }
 
+    /// Corners of the convex pieces of the object, object frame, metres.
+    pub fn pieces(&self) -> impl Iterator<Item = Vec<Point3<f64>>> {
+        let shift = self.com_m.coords;
+        let moved = move |piece: &Vec<Point3<f64>>| piece.iter().map(|c| c + shift).collect();
+        self.pieces_m.iter().map(moved)
+    }
+
     /// `object_from_body`: the body's origin is the centre of mass, its axes are the object's.
     pub(crate) fn object_from_body(&self) -> Isometry3<f64> {
         Isometry3::from(Translation3::from(self.com_m.coords))

@@ -59,6 +59,12 @@ const own = summary.objects.find((o) => o.object === object);
 assert.equal(shown, own.physics.outcomes.held, 'filter held');
 await page.select('#filter', 'all');
 
+// The convex pieces of the trial can be seen instead of the mesh.
+await page.select('#surface', 'pieces');
+assert.ok(await page.evaluate(() => window.graspViewer.state().pieces) > 0, 'convex pieces');
+await page.select('#surface', 'mesh');
+assert.equal(await page.evaluate(() => window.graspViewer.state().pieces), 0);
+
 // A replay shows the recorded pose.
 const files = readdirSync(path.join(run, 'replays'));
 if (files.length) {

@@ -6,7 +6,10 @@ use std::path::Path;
 use shakedown_metrics::compare::{Pairing, Verdict};
 use shakedown_metrics::power::{Assumptions, objects_needed};
 use shakedown_metrics::{Gate, compare};
+use shakedown_report::Manifest;
 use shakedown_report::comparison::{ComparisonReport, differences};
+use shakedown_report::html::collect::collect_pair;
+use shakedown_report::html::compare_page::compare_page;
 use shakedown_report::results::Results;
 use shakedown_report::table::aligned;
 
@@ -84,13 +87,16 @@ pub fn run(global: &Global, args: &CompareArgs) -> Result<Exit, Failure> {
     })?;
     let report = ComparisonReport {
         contract: 1,
-        base_run: base.name,
-        new_run: new.name,
+        base_run: base.name.clone(),
+        new_run: new.name.clone(),
         metric,
         caveats,
         comparison,
     };
     write_files(args, &report)?;
+    if let Some(path) = &args.html {
+        write(path, &page(&report, new.manifest.as_ref())?)?;
+    }
     match global.format {
         Format::Json => println!(
             "{}",
@@ -124,6 +130,20 @@ fn write_files(args: &CompareArgs, report: &ComparisonReport) -> Result<(), Fail
         write(path, &text)?;
     }
     Ok(())
+}
+
+/// The page; poses and meshes are known where both runs are directories and tried the same grasps.
+fn page(report: &ComparisonReport, manifest: Option<&Manifest>) -> Result<String, Failure> {
+    let (base, new) = (Path::new(&report.base_run), Path::new(&report.new_run));
+    let is_run = |p: &Path| p.join("trials.csv").is_file();
+    let paired = report.comparison.pairing == Pairing::Grasps;
+    let collected = match manifest {
+        Some(manifest) if paired && is_run(base) && is_run(new) => {
+            Some(collect_pair(new, base, manifest)?)
+        }
+        _ => None,
+    };
+    Ok(compare_page(report, collected))
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {

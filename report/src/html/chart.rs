@@ -1,5 +1,7 @@
 //! Small charts as SVG, each beside the table of its numbers.
 
+use std::cmp::Ordering;
+
 use crate::table::percent;
 
 /// Text as text: nothing in it can become markup.
@@ -48,6 +50,39 @@ pub fn bar(rate: f64, ci: Option<[f64; 2]>) -> String {
          {whisker}</svg>",
         percent(rate),
         160.0 * rate
+    )
+}
+
+/// A bar from 0 to `share` of the width, with a mark at another share.
+pub fn marked_bar(share: f64, mark: f64, label: &str) -> String {
+    format!(
+        "<svg class='bar' viewBox='0 0 160 14' preserveAspectRatio='none' role='img' aria-label='{}'><rect class='track' \
+         width='160' height='14' rx='2'/><rect class='fill' width='{:.1}' height='14' rx='2'/>\
+         <path class='whisker' d='M{:.1} 0v14'/></svg>",
+        escaped(label),
+        160.0 * share,
+        160.0 * mark
+    )
+}
+
+/// From one rate to another: a ring, a line, a dot.
+pub fn change(base: f64, new: f64) -> String {
+    let x = |rate: f64| 5.0 + 150.0 * rate;
+    let kind = match new.total_cmp(&base) {
+        Ordering::Less => "worse",
+        Ordering::Equal => "before",
+        Ordering::Greater => "better",
+    };
+    format!(
+        "<svg class='bar' viewBox='0 0 160 14' role='img' aria-label='{} to {}'><rect class='track' y='6' \
+         width='160' height='2'/><path class='{kind}' d='M{:.1} 7H{:.1}'/><circle class='before' cx='{:.1}' cy='7' \
+         r='4'/><circle class='{kind}' cx='{:.1}' cy='7' r='4'/></svg>",
+        percent(base),
+        percent(new),
+        x(base),
+        x(new),
+        x(base),
+        x(new)
     )
 }
 

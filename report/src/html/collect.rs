@@ -78,10 +78,54 @@ pub fn collect(directory: &Path, manifest: &Manifest) -> Result<Collected, Resul
     let mut collected = Collected::default();
     let each = GRASPS_MAX / manifest.objects.len().max(1);
     let objects = rows(directory, each, &mut collected)?;
+    view(directory, manifest, &objects, &mut collected);
+    Ok(collected)
+}
+
+/// As [`collect`] for `directory`, with what another run of the same grasps made of each: the
+/// view's objects carry `base_outcome`, and `base_replays` stand beside `replays`.
+///
+/// # Errors
+/// A `trials.csv` that cannot be read.
+pub fn collect_pair(
+    directory: &Path,
+    base: &Path,
+    manifest: &Manifest,
+) -> Result<Collected, ResultsError> {
+    let mut collected = Collected::default();
+    let each = GRASPS_MAX / manifest.objects.len().max(1);
+    let before: BTreeMap<String, BTreeMap<u32, u8>> =
+        rows(base, usize::MAX, &mut Collected::default())?
+            .into_iter()
+            .map(|(id, rows)| (id, rows.grasp.into_iter().zip(rows.outcome).collect()))
+            .collect();
+    let objects = rows(directory, each, &mut collected)?;
+    view(directory, manifest, &objects, &mut collected);
+    for ((id, rows), packed) in objects.iter().zip(
+        collected.view["objects"]
+            .as_array_mut()
+            .expect("a list of objects"),
+    ) {
+        let known = before.get(id);
+        let outcome = |g: &u32| known.and_then(|k| k.get(g)).copied().unwrap_or(UNKNOWN);
+        let codes: Vec<u8> = rows.grasp.iter().map(outcome).collect();
+        packed["base_outcome"] = STANDARD.encode(codes).into();
+    }
+    let base_replays = replays(base, &mut collected.notes);
+    collected.view["base_replays"] = json!(base_replays);
+    Ok(collected)
+}
+
+fn view(
+    directory: &Path,
+    manifest: &Manifest,
+    objects: &[(String, ObjectRows)],
+    collected: &mut Collected,
+) {
     let mut mesh_bytes = 0;
     let mut without_mesh = 0;
     let mut list = Vec::new();
-    for (id, rows) in &objects {
+    for (id, rows) in objects {
         let path = directory
             .join("views")
             .join(format!("{}.json", file_stem(id)));
@@ -89,7 +133,7 @@ pub fn collect(directory: &Path, manifest: &Manifest) -> Result<Collected, Resul
             .ok()
             .and_then(|bytes| serde_json::from_slice::<ViewMesh>(&bytes).ok())
             .filter(|m| {
-                mesh_bytes += m.vertices.len() + m.faces.len();
+                mesh_bytes += m.size();
                 let fits = mesh_bytes <= MESH_BYTES_MAX;
                 without_mesh += usize::from(!fits);
                 fits
@@ -109,7 +153,6 @@ pub fn collect(directory: &Path, manifest: &Manifest) -> Result<Collected, Resul
         "objects": list,
         "replays": replays,
     });
-    Ok(collected)
 }
 
 fn rows(

@@ -1,15 +1,16 @@
 //! The page: numbers first, then the objects, then the 3-D view, then every constant.
 
 use shakedown_metrics::Summary;
+use shakedown_metrics::distribution::DISTANCES;
 use shakedown_metrics::rate::success_at_k;
 
-use super::chart::{bar, escaped, lines, table};
+use super::chart::{bar, escaped, lines, marked_bar, table};
 use super::collect::Collected;
 use crate::manifest::Manifest;
 use crate::table::{percent, percent_interval, three};
 
 const STYLE: &str = include_str!("style.css");
-const VIEWER: &str = include_str!("viewer.html");
+pub(super) const VIEWER: &str = include_str!("viewer.html");
 const SCRIPT: &str = include_str!("../../viewer/viewer.bundle.js");
 
 /// Largest number of candidates of the success-over-k chart.
@@ -35,6 +36,7 @@ pub fn page(manifest: &Manifest, summary: &Summary, collected: &Collected) -> St
     body += &over_k(summary);
     body += &outcomes(summary, collected);
     body += &agreement(summary, collected);
+    body += &distribution(summary);
     body += &objects(summary);
     for note in &collected.notes {
         body += &format!("<p class='note'>{}</p>\n", escaped(note));
@@ -45,14 +47,19 @@ pub fn page(manifest: &Manifest, summary: &Summary, collected: &Collected) -> St
         "<h2>Manifest</h2><details><summary>every constant of this run</summary><pre>{}</pre></details>\n",
         escaped(&manifest_text)
     );
+    document("Shakedown report", &body, &collected.view)
+}
+
+/// The whole document: style, body, the data of the 3-D view, scripts.
+pub(super) fn document(title: &str, body: &str, view: &serde_json::Value) -> String {
     // In a script element only "</" and "<!--" could end the data: no "<" is left in it.
-    let data = collected.view.to_string().replace('<', "\\u003c");
+    let data = view.to_string().replace('<', "\\u003c");
     format!(
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>\
          <meta name='viewport' content='width=device-width,initial-scale=1'>\
          <meta http-equiv='Content-Security-Policy' content=\"default-src 'none'; script-src \
          'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:\">\
-         <title>Shakedown report</title><style>{STYLE}</style></head><body>\n{body}\
+         <title>{title}</title><style>{STYLE}</style></head><body>\n{body}\
          <script type='application/json' id='shakedown-data'>{data}</script>\n\
          <script>{SORT}</script>\n<script>{SCRIPT}</script>\n</body></html>\n"
     )
@@ -284,6 +291,52 @@ fn agreement(summary: &Summary, collected: &Collected) -> String {
                 true
             ),
             table(&["p_hold", "held", "grasps"], &rows)
+        );
+    }
+    out
+}
+
+/// Distances from the good grasps, beside the distance of two halves of those.
+fn distribution(summary: &Summary) -> String {
+    let Some(d) = &summary.distribution else {
+        return String::new();
+    };
+    let longest = DISTANCES
+        .iter()
+        .map(|(_, of)| of(&d.drawn) / of(&d.floor))
+        .fold(2.0, f64::max);
+    let rows: Vec<Vec<String>> = DISTANCES
+        .iter()
+        .map(|(name, of)| {
+            let (drawn, floor) = (of(&d.drawn), of(&d.floor));
+            let ratio = drawn / floor;
+            vec![
+                escaped(name),
+                format!("{drawn:.4}"),
+                format!("{floor:.4}"),
+                format!("{ratio:.2}"),
+                marked_bar(
+                    ratio / longest,
+                    1.0 / longest,
+                    &format!("{ratio:.2} times the floor"),
+                ),
+            ]
+        })
+        .collect();
+    let header = [
+        "distance from the good grasps",
+        "drawn",
+        "data against data",
+        "ratio",
+        "ratio, 1 marked",
+    ];
+    let mut out = format!(
+        "<h2>Are they spread as the good grasps are?</h2>\n{}",
+        table(&header, &rows)
+    );
+    if let Some(auc) = d.coverage_auc {
+        out += &format!(
+            "<p class='note'>Area under coverage over candidates: {auc:.3} (a good grasp counts as covered within 2 cm).</p>\n"
         );
     }
     out

@@ -2,6 +2,8 @@
 
 export const CLASS = ['#009e73', '#e6c200', '#d55e00'];
 export const OUTCOME = ['#0072b2', '#e69f00', '#d55e00', '#cc79a7', '#999999', '#000000'];
+// Lost, won, success in both runs, failure in both.
+export const CHANGE = ['#d55e00', '#009e73', '#56b4e9', '#999999'];
 export const UNKNOWN = '#888888';
 
 // Dark violet to yellow, for probabilities.

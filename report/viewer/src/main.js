@@ -1,7 +1,7 @@
 // The 3-D view of a report: choose an object, filter its grasps, click one, play its trial.
 
-import { CLASS, OUTCOME, UNKNOWN, ramp } from './colours.js';
-import { FRAME, readData, replayFrames } from './data.js';
+import { CHANGE, CLASS, OUTCOME, UNKNOWN, ramp } from './colours.js';
+import { CHANGES, FRAME, readData, replayFrames } from './data.js';
 import { View } from './scene.js';
 
 const $ = (id) => document.getElementById(id);
@@ -9,7 +9,10 @@ const NONE = 255;
 
 function start() {
   const data = readData();
-  if (!data.objects.length) return;
+  if (!data.objects.length) {
+    window.graspViewer = { ready: true };
+    return;
+  }
   const section = $('viewer');
   section.hidden = false;
   let view;
@@ -34,6 +37,7 @@ class App {
     data.outcomes.forEach((name, i) => this.option($('filter'), `outcome:${i}`, name));
     data.classes.forEach((name, i) => this.option($('filter'), `class:${i}`, `geometry: ${name}`));
     this.option($('filter'), 'replay', 'with a replay');
+    if (data.comparison) this.compares();
     if (!data.objects.some((o) => o.outcome.some((x) => x !== NONE))) $('colour').value = 'class';
     this.listen();
     this.show(0);
@@ -46,6 +50,7 @@ class App {
       show: (id) => this.show(data.objects.findIndex((o) => o.id === id)),
       seek: (t) => this.seek(t),
       counts: () => this.counts(),
+      changes: () => this.changes(),
       placeOf: (n) => view.placeOf(n),
       drawCalls: () => view.renderer.info.render.calls,
       timeFrames: (n) => {
@@ -59,9 +64,33 @@ class App {
 
   get object() { return this.data.objects[this.index]; }
 
+  replayIn(run, i) {
+    return this.data.replayOf[run].get(`${this.object.id}\n${this.object.grasp[i]}`);
+  }
+
+  // Of the chosen run, or of the one that recorded this trial.
   get replay() {
-    return this.grasp < 0 ? undefined
-      : this.data.replayOf.get(`${this.object.id}\n${this.object.grasp[this.grasp]}`);
+    if (this.grasp < 0) return undefined;
+    const run = this.data.comparison ? $('run').value : 'new';
+    return this.replayIn(run, this.grasp)
+      || (this.data.comparison && this.replayIn(run === 'new' ? 'base' : 'new', this.grasp));
+  }
+
+  // Two runs: colours and filters by what changed, and a choice of whose trial is played.
+  compares() {
+    this.option($('colour'), 'change', 'change');
+    $('colour').value = 'change';
+    CHANGES.forEach((name, i) => this.option($('filter'), `change:${i}`, name));
+    this.option($('run'), 'new', 'new run');
+    this.option($('run'), 'base', 'base run');
+    $('run').onchange = () => this.choose(this.grasp);
+    for (const button of document.querySelectorAll('button.flip')) {
+      button.onclick = () => {
+        this.show(this.data.objects.findIndex((o) => o.id === button.dataset.object));
+        this.select(Number(button.dataset.grasp));
+        $('viewer').scrollIntoView();
+      };
+    }
   }
 
   option(select, value, text) {
@@ -86,6 +115,7 @@ class App {
       view.draw();
     };
     $('wireframe').onchange = () => { view.material.wireframe = $('wireframe').checked; view.draw(); };
+    $('surface').onchange = () => { view.showAs($('surface').value); view.draw(); };
     $('axes').onchange = () => { view.axes.visible = $('axes').checked; view.draw(); };
     for (const name of ['fit', 'front', 'top']) $(name).onclick = () => view.look(name);
     $('from-side').onclick = () => view.look('side');
@@ -137,6 +167,7 @@ class App {
     const o = this.object;
     const mode = $('colour').value;
     if (mode === 'class') return CLASS[o.class[i]] || UNKNOWN;
+    if (mode === 'change') return CHANGE[o.change[i]] || UNKNOWN;
     if (mode === 'p_hold') return ramp(o.numbers.p_hold ? o.numbers.p_hold[i] : NaN);
     return OUTCOME[o.outcome[i]] || UNKNOWN;
   }
@@ -146,7 +177,8 @@ class App {
     const o = this.object;
     if (kind === 'outcome') return o.outcome[i] === Number(value);
     if (kind === 'class') return o.class[i] === Number(value);
-    if (kind === 'replay') return this.data.replayOf.has(`${o.id}\n${o.grasp[i]}`);
+    if (kind === 'change') return o.change[i] === Number(value);
+    if (kind === 'replay') return Boolean(this.replayIn('new', i) || this.replayIn('base', i));
     return true;
   }
 
@@ -161,12 +193,17 @@ class App {
   legend() {
     const mode = $('colour').value;
     const o = this.object;
+    const [names, colours, codes] = {
+      class: [this.data.classes, CLASS, o.class],
+      outcome: [this.data.outcomes, OUTCOME, o.outcome],
+      change: [CHANGES, CHANGE, o.change],
+      p_hold: [[], [], []],
+    }[mode];
     const items = mode === 'p_hold'
       ? [0.1, 0.3, 0.5, 0.7, 0.9].map((p) => [ramp(p), p.toFixed(1)])
-      : (mode === 'class' ? this.data.classes : this.data.outcomes).map((name, i) => {
-        const codes = mode === 'class' ? o.class : o.outcome;
+      : names.map((name, i) => {
         const n = codes.reduce((sum, c) => sum + (c === i), 0);
-        return [(mode === 'class' ? CLASS : OUTCOME)[i], `${name} ${n}`, n];
+        return [colours[i], `${name} ${n}`, n];
       }).filter((item) => item[2] > 0);
     $('legend').replaceChildren(...items.map(([colour, text]) => {
       const entry = document.createElement('span');
@@ -201,6 +238,8 @@ class App {
     this.describe();
     const replay = this.replay;
     $('player').hidden = !replay;
+    const both = this.data.comparison && this.replayIn('new', i) && this.replayIn('base', i);
+    $('run').hidden = !both;
     if (replay) {
       const frames = replayFrames(replay);
       $('time').max = String(frames[frames.length - FRAME]);
@@ -229,6 +268,9 @@ class App {
     rows.push(['grasp', String(o.grasp[i])]);
     if (o.class[i] !== NONE) rows.push(['geometry', this.data.classes[o.class[i]]]);
     if (o.outcome[i] !== NONE) rows.push(['outcome', this.data.outcomes[o.outcome[i]]]);
+    if (o.base_outcome && o.base_outcome[i] !== NONE) {
+      rows.push(['outcome in the base run', this.data.outcomes[o.base_outcome[i]]]);
+    }
     if (o.label[i] !== NONE) rows.push(['label of the input', String(o.label[i])]);
     for (const [name, values] of Object.entries(o.numbers)) {
       if (Number.isFinite(values[i])) rows.push([name, String(Number(values[i].toPrecision(4)))]);
@@ -296,6 +338,15 @@ class App {
     return counts;
   }
 
+  // Grasps per kind of change, over all objects.
+  changes() {
+    const counts = Object.fromEntries(CHANGES.map((name) => [name, 0]));
+    for (const o of this.data.objects) {
+      for (const code of o.change || []) if (code !== NONE) counts[CHANGES[code]] += 1;
+    }
+    return counts;
+  }
+
   state() {
     return {
       object: this.object.id,
@@ -303,6 +354,7 @@ class App {
       shown: this.chosen.length,
       t: this.t,
       playing: this.playing,
+      pieces: this.view.pieces.visible ? this.view.pieces.children.length : 0,
       moment: this.moment,
     };
   }

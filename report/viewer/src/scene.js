@@ -6,7 +6,8 @@ import {
   Scene, Sphere, Vector3, WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
-import { FRAME, meshArrays, replayFrames } from './data.js';
+import { ConvexGeometry } from 'three/examples/jsm/geometries/ConvexGeometry.js';
+import { FRAME, meshArrays, piecesOf, replayFrames } from './data.js';
 import { Glyphs, makeHand, matrixOf } from './hand.js';
 
 export class View {
@@ -21,6 +22,9 @@ export class View {
     const sun = new DirectionalLight(0xffffff, 1.6);
     sun.position.set(1, -2, 3);
     this.scene.add(sun);
+    // A trial is shown with the approach downwards, an object's grasps as its mesh has them.
+    this.root = new Group();
+    this.scene.add(this.root);
     this.object = new Group();
     this.material = new MeshStandardMaterial({
       color: 0x9fb4c7, roughness: 0.85, transparent: true, opacity: 1, side: 2, flatShading: true,
@@ -34,16 +38,16 @@ export class View {
     this.selected.lines.material = this.selected.material;
     this.selected.lines.renderOrder = 2;
     this.object.add(this.glyphs.lines, this.selected.lines);
-    this.scene.add(this.object);
+    this.root.add(this.object);
     const { hand, fingers } = makeHand(gripper);
     this.hand = hand;
     this.fingers = fingers;
     this.hand.visible = false;
-    this.scene.add(hand);
+    this.root.add(hand);
     this.arrows = [0, 1].map(() => {
       const arrow = new ArrowHelper(new Vector3(1, 0, 0), new Vector3(), 0.03, 0xd55e00);
       arrow.visible = false;
-      this.scene.add(arrow);
+      this.root.add(arrow);
       return arrow;
     });
     this.bounds = new Sphere(new Vector3(), 0.1);
@@ -72,7 +76,34 @@ export class View {
       this.object.add(this.mesh);
       this.bounds = geometry.boundingSphere.clone();
     }
+    this.setPieces(object.mesh ? piecesOf(object.mesh) : []);
     this.bounds.radius = Math.max(this.bounds.radius, 0.06);
+  }
+
+  setPieces(pieces) {
+    for (const piece of this.pieces?.children || []) piece.geometry.dispose();
+    if (this.pieces) this.object.remove(this.pieces);
+    this.pieces = new Group();
+    pieces.forEach((corners, i) => {
+      const points = [];
+      for (let k = 0; k < corners.length; k += 3) {
+        points.push(new Vector3(corners[k], corners[k + 1], corners[k + 2]));
+      }
+      // Steps of the golden angle keep neighbours apart.
+      const colour = new Color().setHSL((i * 0.381966) % 1, 0.45, 0.6);
+      const material = new MeshStandardMaterial({ color: colour, roughness: 0.85, flatShading: true });
+      this.pieces.add(new Mesh(new ConvexGeometry(points), material));
+    });
+    this.object.add(this.pieces);
+    this.showAs(this.surface || 'mesh');
+  }
+
+  // 'mesh', 'pieces' or 'both'. Without pieces there is always the mesh.
+  showAs(surface) {
+    this.surface = surface;
+    const hasPieces = this.pieces.children.length > 0;
+    this.pieces.visible = hasPieces && surface !== 'mesh';
+    if (this.mesh) this.mesh.visible = !hasPieces || surface !== 'pieces';
   }
 
   look(direction) {
@@ -83,9 +114,11 @@ export class View {
     if (this.hand.visible) {
       // Object and hand: half way between their middles.
       const hand = new Vector3(0, 0, 0.04).applyMatrix4(this.hand.matrix);
-      room = Math.max(this.bounds.radius, 0.12) + centre.distanceTo(hand) / 2;
+      room = Math.max(this.bounds.radius, 0.13) + centre.distanceTo(hand) / 2;
       centre.add(hand).multiplyScalar(0.5);
     }
+    this.root.updateMatrix();
+    centre.applyMatrix4(this.root.matrix);
     const narrow = Math.min(1, this.camera.aspect);
     const distance = room / Math.tan((this.camera.fov * Math.PI) / 360) / narrow;
     this.controls.target.copy(centre);
@@ -97,6 +130,7 @@ export class View {
   // The object rests in its own frame, all hands about it.
   rest() {
     this.hand.visible = false;
+    this.root.rotation.x = 0;
     for (const arrow of this.arrows) arrow.visible = false;
     this.place(this.object, new Matrix4());
     this.glyphs.lines.visible = true;
@@ -120,6 +154,7 @@ export class View {
     const hand = matrixOf(frames, at + 1, new Matrix4());
     const object = matrixOf(frames, at + 8, new Matrix4());
     // Seen from the hand's first pose: the world of the trial.
+    this.root.rotation.x = Math.PI;
     this.place(this.hand, hand);
     this.place(this.object, object);
     this.fingers[0].position.x = frames[at + 15];
