@@ -22,6 +22,8 @@ pub struct Line {
     pub x_m: [f64; 2],
     /// Cosines of the outward normals with the direction towards that pad.
     pub cosine: [f64; 2],
+    /// The outward normals, hand frame.
+    pub normal: [Vector3<f64>; 2],
 }
 
 /// The lines between the pads; `None` where a line meets nothing.
@@ -48,10 +50,13 @@ pub fn profile(hand: &HandModel, surface: &Surface, object_from_hand: &Isometry3
         let mut inside = hits.iter().filter(|(t, _)| *t <= high.x - low.x);
         let first = inside.next()?;
         let last = inside.next_back().unwrap_or(first);
-        let cosine = |face: usize| surface.face_normal(face).dot(&direction);
+        let normal =
+            |face: usize| object_from_hand.inverse_transform_vector(surface.face_normal(face));
+        let normal = [normal(first.1), normal(last.1)];
         Some(Line {
             x_m: [low.x + first.0, low.x + last.0],
-            cosine: [-cosine(first.1), cosine(last.1)],
+            cosine: [-normal[0].x, normal[1].x],
+            normal,
         })
     };
     Profile {

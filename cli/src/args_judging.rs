@@ -217,6 +217,9 @@ pub struct TrainArgs {
     /// Second stage: straighten the paths of the model trained in DIR and correct its mistakes
     #[arg(long, value_name = "DIR")]
     pub rectify: Option<PathBuf>,
+    /// With --rectify: from that time on; before it the flow is learned as in a first stage
+    #[arg(long, default_value_t = 0.0, value_name = "T")]
+    pub rectify_from: f64,
     /// With --rectify: paths per object
     #[arg(long, default_value_t = 1000, value_name = "N")]
     pub paths: u64,

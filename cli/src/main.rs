@@ -10,7 +10,10 @@ mod job;
 mod plan;
 mod progress;
 mod settings;
+#[cfg(feature = "train")]
 mod stretched;
+#[cfg(feature = "train")]
+mod teacher;
 #[cfg(feature = "train")]
 mod training_data;
 mod work;

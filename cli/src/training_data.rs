@@ -3,18 +3,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use rayon::prelude::*;
-use shakedown_classifier::{Class, HandModel, Thresholds, classify};
 use shakedown_gripper_assets::{
     Grasp, GraspFile, GraspFormat, Gripper, ReadOptions, read_grasps, write_grasps,
 };
-use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::Object;
 use shakedown_objects::shapes::{Family, Shape, Split};
 use shakedown_report::results::{Metric, Results};
-use shakedown_sampler::{AntipodalSettings, FlowModel, FlowSample, sample_antipodal};
+use shakedown_sampler::{AntipodalSettings, sample_antipodal};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::{Preset, TrainingObject};
 
@@ -24,6 +21,7 @@ use crate::failure::Failure;
 use crate::plan::{Item, Material};
 use crate::progress;
 use crate::stretched;
+use crate::teacher::{Approval, Teacher};
 
 /// Objects to learn from, and some of them to validate on.
 pub struct TrainingData {
@@ -32,6 +30,9 @@ pub struct TrainingData {
     /// One line for the card.
     pub description: String,
 }
+
+/// What is asked of grasps that nobody labelled, unless --min-p-hold says so.
+const LEAST_P_HOLD: f64 = 0.5;
 
 /// Objects that a validation draws grasps for.
 const VALIDATION_OBJECTS: usize = 10;
@@ -72,13 +73,7 @@ impl TrainingData {
             protocol,
             held: &held,
         };
-        let teacher = match &args.rectify {
-            Some(directory) => {
-                let model = FlowModel::load(directory, args.ort.as_deref())?;
-                Some(Mutex::new(model))
-            }
-            None => None,
-        };
+        let teacher = Teacher::load(args)?;
         if args.hold_out >= sources.len() && args.hold_out > 0 {
             return Err(Failure::usage(format!(
                 "--hold-out {} leaves none of the {} objects to learn from",
@@ -180,7 +175,7 @@ impl Context<'_> {
         &self,
         source: &Source,
         preset: &Preset,
-        teacher: Option<&Mutex<FlowModel>>,
+        teacher: Option<&Teacher>,
     ) -> Result<Vec<TrainingObject>, Failure> {
         let (object, good) = self.good_grasps(source)?;
         let mut learned = vec![self.one(&object, &good, preset, teacher)?];
@@ -190,7 +185,7 @@ impl Context<'_> {
                 .iter()
                 .map(|g| stretched::carry(g, &stretch, self.gripper.tcp_z_m))
                 .collect();
-            let least = self.args.min_p_hold.unwrap_or(0.5);
+            let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
             let carried = self.likely(&copy, carried, least)?;
             learned.push(self.one(&copy, &carried, preset, teacher)?);
         }
@@ -202,13 +197,16 @@ impl Context<'_> {
         object: &Object,
         good: &[Grasp],
         preset: &Preset,
-        teacher: Option<&Mutex<FlowModel>>,
+        teacher: Option<&Teacher>,
     ) -> Result<TrainingObject, Failure> {
         let tcp_z_m = self.gripper.tcp_z_m;
         let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
         if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
-            let ends = self.paths(teacher, object)?;
-            trained.rectify(&ends, preset.training.translation_weight);
+            let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
+            let approval = Approval::new(object, self.gripper, least)?;
+            let paths = teacher.paths(object, self.gripper, &approval, self.global.seed)?;
+            let weight = preset.training.translation_weight;
+            trained.rectify(&paths, self.args.rectify_from as f32, weight, tcp_z_m);
         }
         Ok(trained)
     }
@@ -251,49 +249,10 @@ impl Context<'_> {
         grasps: Vec<Grasp>,
         least: f64,
     ) -> Result<Vec<Grasp>, Failure> {
-        let hand = HandModel::new(self.gripper, self.gripper.opening_max_m)?;
-        let judge = HoldJudge::new(object, object.mass.mass_kg, false);
-        let p_hold = |g: &Grasp| {
-            let pose = &g.object_from_hand;
-            let verdict = classify(&hand, &object.surface, pose, &Thresholds::default());
-            judge.p_hold(&hand, &object.surface, pose, &verdict, None)
-        };
+        let approval = Approval::new(object, self.gripper, least)?;
         Ok(grasps
             .into_par_iter()
-            .filter(|g| p_hold(g) >= least)
-            .collect())
-    }
-
-    /// Where the teacher takes noise, and whether that is a grasp that geometry approves of: no
-    /// collision, within reach, and as likely to hold as is asked of the data.
-    fn paths(
-        &self,
-        teacher: &Mutex<FlowModel>,
-        object: &Object,
-    ) -> Result<Vec<(FlowSample, FlowSample, bool)>, Failure> {
-        let paths = teacher
-            .lock()
-            .expect("nobody panics while holding it")
-            .paths(
-                object,
-                self.gripper,
-                self.args.paths,
-                self.global.seed,
-                None,
-            )?;
-        let hand = HandModel::new(self.gripper, self.gripper.opening_max_m)?;
-        let judge = HoldJudge::new(object, object.mass.mass_kg, false);
-        let least = self.args.min_p_hold.unwrap_or(0.5);
-        Ok(paths
-            .into_par_iter()
-            .map(|path| {
-                let pose = &path.object_from_hand;
-                let surface = &object.surface;
-                let verdict = classify(&hand, surface, pose, &Thresholds::default());
-                let is_good = verdict.class() == Class::Optimal
-                    && judge.p_hold(&hand, surface, pose, &verdict, None) >= least;
-                (path.noise, path.end, is_good)
-            })
+            .filter(|g| approval.is_likely(&g.object_from_hand))
             .collect())
     }
 

@@ -11,10 +11,12 @@ pub mod features;
 pub mod hold_model;
 pub mod interval;
 pub mod paired;
+pub mod polytope;
 pub mod power;
 pub mod ranking;
 pub mod rate;
 pub mod summary;
+pub mod wrench_space;
 
 pub use agreement::Agreement;
 pub use compare::{Comparison, Gate, compare};

@@ -3,6 +3,8 @@
 //! RFMGrasp: `omega = (xi - xi^T) / 2` (eq. 12), `R <- R exp(omega dt)` (eq. 16),
 //! `t <- t + dt v` (eq. 15), from time 0 to 1. Angular velocities are in the body frame.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::card::{Integrator, ModelError};
@@ -66,10 +68,28 @@ pub fn integrate(
     integrator: Integrator,
     batch: usize,
 ) -> Result<(), ModelError> {
+    integrate_steps(field, samples, 0..steps, steps, integrator, batch)
+}
+
+/// Some of the `steps` equal steps from time 0 to 1.
+///
+/// # Errors
+/// Those of the field.
+///
+/// # Panics
+/// If `steps` is 0.
+pub fn integrate_steps(
+    field: &mut impl VelocityField,
+    samples: &mut [FlowSample],
+    taken: Range<usize>,
+    steps: usize,
+    integrator: Integrator,
+    batch: usize,
+) -> Result<(), ModelError> {
     assert!(steps > 0, "at least one step");
     let dt = 1.0 / steps as f64;
     for chunk in samples.chunks_mut(batch.max(1)) {
-        for k in 0..steps {
+        for k in taken.clone() {
             let time = k as f64 * dt;
             let here = field.velocities(chunk, time)?;
             match integrator {

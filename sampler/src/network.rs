@@ -11,7 +11,7 @@ use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
 
 use crate::card::{ModelCard, ModelError};
 use crate::files::ModelFiles;
-use crate::flow::{FlowSample, Velocity, VelocityField, integrate};
+use crate::flow::{FlowSample, Velocity, VelocityField, integrate_steps};
 use crate::runtime::{Runtime, runtime};
 use crate::seed;
 
@@ -31,6 +31,8 @@ struct Extras {
 pub struct FlowPath {
     /// Start of the path, normalised frame of the model.
     pub noise: FlowSample,
+    /// On the way, at the time that was asked for.
+    pub middle: FlowSample,
     /// End of the path, normalised frame of the model.
     pub end: FlowSample,
     /// The end as a grasp, ACRONYM frame.
@@ -148,7 +150,7 @@ impl FlowModel {
         run_seed: u64,
         steps: Option<usize>,
     ) -> Result<Vec<Grasp>, ModelError> {
-        let pairs = self.paths(object, gripper, count, run_seed, steps)?;
+        let pairs = self.paths(object, gripper, count, run_seed, steps, 0.0)?;
         Ok(pairs
             .into_iter()
             .enumerate()
@@ -156,7 +158,8 @@ impl FlowModel {
             .collect())
     }
 
-    /// As [`FlowModel::sample`], with the noise that each grasp came from.
+    /// As [`FlowModel::sample`], with the noise that each grasp came from and the pose on the way
+    /// at the step nearest to `middle_time`.
     ///
     /// # Errors
     /// A network that fails or returns non-finite numbers.
@@ -167,6 +170,7 @@ impl FlowModel {
         count: u64,
         run_seed: u64,
         steps: Option<usize>,
+        middle_time: f64,
     ) -> Result<Vec<FlowPath>, ModelError> {
         let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
@@ -180,7 +184,7 @@ impl FlowModel {
                 }
             })
             .collect();
-        let mut ends = noise.clone();
+        let mut middles = noise.clone();
         let (steps, integrator) = (steps.unwrap_or(self.card.steps), self.card.integrator);
         let frame = self.frame;
         let mut field = Bound {
@@ -188,15 +192,20 @@ impl FlowModel {
             latent,
             sdf: &sdf,
         };
-        integrate(&mut field, &mut ends, steps, integrator, BATCH)?;
+        let k = (middle_time * steps as f64).round() as usize;
+        integrate_steps(&mut field, &mut middles, 0..k, steps, integrator, BATCH)?;
+        let mut ends = middles.clone();
+        integrate_steps(&mut field, &mut ends, k..steps, steps, integrator, BATCH)?;
         Ok(noise
             .into_iter()
+            .zip(middles)
             .zip(ends)
-            .map(|(noise, end)| {
+            .map(|((noise, middle), end)| {
                 let translation = sdf.centre_m.coords + end.translation * sdf.scale_m;
                 let pose = Isometry3::from_parts(Translation3::from(translation), end.rotation);
                 FlowPath {
                     noise,
+                    middle,
                     end,
                     object_from_hand: frame.to_hand(&pose, gripper.tcp_z_m),
                 }

@@ -1,5 +1,6 @@
 //! How did a trial end, and by how much?
 
+use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 
 /// The outcome of a trial, in the order in which the cases are checked.
@@ -100,6 +101,8 @@ pub struct Outcome {
     pub closing_linear_m: Option<f64>,
     /// Rotation while the fingers closed, radians.
     pub closing_angular_rad: Option<f64>,
+    /// Pose of the hand on the object at the end of closing: what the trial made of the grasp.
+    pub closed_object_from_hand: Option<Isometry3<f64>>,
     /// Motion from the end of closing to the end, metres.
     pub slip_linear_m: Option<f64>,
     /// Rotation from the end of closing to the end, radians.

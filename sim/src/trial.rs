@@ -54,6 +54,7 @@ impl<'a> Trial<'a> {
                 stage: Stage::Start,
                 closing_linear_m: None,
                 closing_angular_rad: None,
+                closed_object_from_hand: None,
                 slip_linear_m: None,
                 slip_angular_rad: None,
                 width_m: None,
@@ -199,6 +200,9 @@ impl<'a> Trial<'a> {
         let (linear, angular) = motion(start, &closed);
         self.outcome.closing_linear_m.get_or_insert(linear);
         self.outcome.closing_angular_rad.get_or_insert(angular);
+        self.outcome
+            .closed_object_from_hand
+            .get_or_insert(self.scene.object_from_body() * closed.inverse());
         Some(closed)
     }
 

@@ -39,6 +39,16 @@ pub struct Batches<'a> {
     run_seed: u64,
 }
 
+/// From where to where one trajectory leads, both in the frame of the grid.
+struct Way {
+    from: Isometry3<f32>,
+    to: Isometry3<f32>,
+    /// Time at `from`; at 1 it is at `to`.
+    start: f32,
+    /// Times that are learned.
+    within: [f32; 2],
+}
+
 struct Part {
     grid: Vec<f32>,
     scale_m: f32,
@@ -103,39 +113,48 @@ impl<'a> Batches<'a> {
         } else {
             1.0
         };
-        let (noise, grasps): (Vec<Isometry3<f32>>, Vec<Isometry3<f32>>) = if object.pairs.is_empty()
-        {
-            self.drawn(object, &turned_by, unit, rng)
+        let mut ways = if object.pairs.is_empty() {
+            self.drawn(object, &turned_by, unit, k, 1.0, rng)
+        } else if object.pairs_from == 0.0 {
+            Vec::new()
         } else {
-            (0..k)
-                .map(|_| {
-                    let (a, b) = object.pairs[rng.random_range(0..object.pairs.len())];
-                    (turned_by * a, turned_by * b)
-                })
-                .unzip()
+            self.drawn(object, &turned_by, unit, k / 2, object.pairs_from, rng)
         };
+        while ways.len() < k {
+            let (from, to) = object.pairs[rng.random_range(0..object.pairs.len())];
+            ways.push(Way {
+                from: turned_by * from,
+                to: turned_by * to,
+                start: object.pairs_from,
+                within: [object.pairs_from, 1.0],
+            });
+        }
         let width = features::count(network);
         let mut features = vec![0.0; k * width];
         let mut targets = Vec::with_capacity(6 * k);
-        for (i, (from, to)) in noise.iter().zip(&grasps).enumerate() {
+        for (i, way) in ways.iter().enumerate() {
+            let Way { from, to, .. } = way;
             let to = if flow.nearer_flip {
                 pairing::nearer_flip(from, to)
             } else {
                 *to
             };
-            let s: f32 = rng.random();
-            let omega = rotation_between(&from.rotation, &to.rotation);
-            let way = to.translation.vector - from.translation.vector;
+            let [low, high] = way.within;
+            let time = low + (high - low) * rng.random::<f32>();
+            let left = 1.0 - way.start;
+            let omega = rotation_between(&from.rotation, &to.rotation) / left;
+            let velocity = (to.translation.vector - from.translation.vector) / left;
+            let s = time - way.start;
             let here = Isometry3::from_parts(
-                Translation3::from(from.translation.vector + way * s),
+                Translation3::from(from.translation.vector + velocity * s),
                 from.rotation * UnitQuaternion::new(omega * s),
             );
             let out = &mut features[i * width..(i + 1) * width];
-            features::write(network, &self.points_m, sdf, &here, s, out);
+            features::write(network, &self.points_m, sdf, &here, time, out);
             let v = if network.hand_frame {
-                here.rotation.inverse() * way * unit
+                here.rotation.inverse() * velocity * unit
             } else {
-                way
+                velocity
             };
             targets.extend(omega.iter().chain(v.iter()));
         }
@@ -151,17 +170,18 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Fresh noise and random grasps of an object, paired as the preset says.
+    /// Fresh noise and random grasps of an object, paired as the preset says; times up to `until`.
     fn drawn(
         &self,
         object: &TrainingObject,
         turned_by: &Isometry3<f32>,
         unit: f32,
+        count: usize,
+        until: f32,
         rng: &mut ChaCha8Rng,
-    ) -> (Vec<Isometry3<f32>>, Vec<Isometry3<f32>>) {
+    ) -> Vec<Way> {
         let (flow, training) = (&self.preset.flow, &self.preset.training);
-        let k = training.grasps_per_object;
-        let mut grasps: Vec<Isometry3<f32>> = (0..k)
+        let mut grasps: Vec<Isometry3<f32>> = (0..count)
             .map(|_| {
                 let mut pose = object.poses[rng.random_range(0..object.poses.len())];
                 if rng.random::<bool>() {
@@ -170,7 +190,7 @@ impl<'a> Batches<'a> {
                 turned_by * pose
             })
             .collect();
-        let noise: Vec<Isometry3<f32>> = (0..k)
+        let noise: Vec<Isometry3<f32>> = (0..count)
             .map(|_| {
                 let t = seed::normal_vector(rng) * flow.noise_translation_std;
                 let r = seed::uniform_rotation(rng);
@@ -181,7 +201,13 @@ impl<'a> Batches<'a> {
             let order = pairing::optimal(&noise, &grasps, unit, training.translation_weight);
             grasps = order.into_iter().map(|j| grasps[j]).collect();
         }
-        (noise, grasps)
+        let way = |(from, to)| Way {
+            from,
+            to,
+            start: 0.0,
+            within: [0.0, until],
+        };
+        noise.into_iter().zip(grasps).map(way).collect()
     }
 }
 

@@ -17,13 +17,18 @@ pub struct TrainingObject {
     pub id: String,
     /// The grid the network sees.
     pub sdf: NormalisedSdf,
+    /// The model's frame on the hand.
+    pub frame: HandFrame,
     /// Soft histogram of that grid, see [`crate::features::histogram`].
     pub histogram: Vec<f32>,
     /// Poses of the model's frame in the normalised frame of the grid.
     pub poses: Vec<Isometry3<f32>>,
-    /// Noise with the grasp that it shall become, both in that frame; empty: drawn and paired anew
-    /// in every batch.
+    /// Poses at the time `pairs_from` with the grasps that they shall become, both in that frame;
+    /// what comes before that time, or all where there are none, is drawn and paired anew in every
+    /// batch.
     pub pairs: Vec<(Isometry3<f32>, Isometry3<f32>)>,
+    /// 0: the pairs begin as noise.
+    pub pairs_from: f32,
 }
 
 impl TrainingObject {
@@ -42,46 +47,76 @@ impl TrainingObject {
         let frame: HandFrame = flow.frame.parse().map_err(TrainError::Data)?;
         let grid = SdfGrid::bake(surface, flow.resolution, flow.padding);
         let sdf = NormalisedSdf::new(&grid, flow.normalisation);
-        let hand_from_frame = frame.hand_from_this(tcp_z_m);
-        let poses = grasps
-            .iter()
-            .map(|g| {
-                let pose = g.object_from_hand * hand_from_frame;
-                let translation = (pose.translation.vector - sdf.centre_m.coords) / sdf.scale_m;
-                Isometry3::from_parts(translation.cast::<f32>().into(), pose.rotation.cast())
-            })
-            .collect();
         let histogram = crate::features::histogram(&sdf.values, &HISTOGRAM_CENTRES);
-        Ok(Self {
+        let mut object = Self {
             id: id.to_owned(),
             sdf,
+            frame,
             histogram,
-            poses,
+            poses: Vec::new(),
             pairs: Vec::new(),
-        })
+            pairs_from: 0.0,
+        };
+        let pose = |g: &Grasp| object.normalised(&g.object_from_hand, tcp_z_m);
+        object.poses = grasps.iter().map(pose).collect();
+        Ok(object)
     }
 
-    /// Fixes the pairing (rectified flow: X. Liu, C. Gong, Q. Liu, ICLR 2023): each noise goes where
-    /// a trained model took it, or, where that was no good grasp, to the nearest one that is.
+    /// A pose of the ACRONYM hand frame in the model's frame and the normalised frame of the grid.
+    fn normalised(&self, object_from_hand: &Isometry3<f64>, tcp_z_m: f64) -> Isometry3<f32> {
+        let pose = object_from_hand * self.frame.hand_from_this(tcp_z_m);
+        let centre = self.sdf.centre_m.coords;
+        let translation = (pose.translation.vector - centre) / self.sdf.scale_m;
+        Isometry3::from_parts(translation.cast::<f32>().into(), pose.rotation.cast())
+    }
+
+    /// Fixes the pairing from `from_time` on (rectified flow: X. Liu, C. Gong, Q. Liu, ICLR 2023):
+    /// a pose on the way goes where a trained model took it, or, where that was no good grasp, to
+    /// the nearest that is: a known one, another good end, or the one found close by.
     ///
-    /// `ends` are noise, end, and whether the end is good. With straight paths that do not cross,
-    /// few steps suffice; and what the teacher got wrong is what is learned.
-    pub fn rectify(&mut self, ends: &[(FlowSample, FlowSample, bool)], translation_weight: f32) {
+    /// With straight paths that do not cross, few steps suffice; and what the teacher got wrong is
+    /// what is learned.
+    pub fn rectify(
+        &mut self,
+        paths: &[TaughtPath],
+        from_time: f32,
+        translation_weight: f32,
+        tcp_z_m: f64,
+    ) {
         let pose = |s: &FlowSample| {
             Isometry3::from_parts(s.translation.cast::<f32>().into(), s.rotation.cast())
         };
         let unit = self.sdf.scale_m as f32 / LENGTH_UNIT_M;
-        self.pairs = ends
+        let mut good = self.poses.clone();
+        good.extend(paths.iter().filter(|p| p.is_good).map(|p| pose(&p.end)));
+        self.pairs_from = from_time;
+        self.pairs = paths
             .iter()
-            .map(|(noise, end, is_good)| {
-                let (noise, end) = (pose(noise), pose(end));
-                let to = if *is_good {
+            .map(|path| {
+                let end = pose(&path.end);
+                let to = if path.is_good {
                     end
                 } else {
-                    pairing::nearest(&end, &self.poses, unit, translation_weight)
+                    let close_by = path.close_by.map(|g| self.normalised(&g, tcp_z_m));
+                    let known = pairing::nearest(&end, &good, unit, translation_weight);
+                    let both: Vec<_> = close_by.into_iter().chain([known]).collect();
+                    pairing::nearest(&end, &both, unit, translation_weight)
                 };
-                (noise, to)
+                (pose(&path.middle), to)
             })
             .collect();
     }
+}
+
+/// A path of a trained model, judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TaughtPath {
+    /// The pose at the time from which on it is learned from.
+    pub middle: FlowSample,
+    /// The end.
+    pub end: FlowSample,
+    /// Is the end a good grasp?
+    pub is_good: bool,
+    /// If not: a good grasp close to it, ACRONYM frame, where one was found.
+    pub close_by: Option<Isometry3<f64>>,
 }

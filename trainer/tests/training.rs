@@ -115,7 +115,7 @@ fn the_exported_graphs_are_the_network() {
         export(&out, &preset, &parameters, &provenance()).unwrap();
         let mut model = FlowModel::load(&out, None).unwrap();
         let object = object(Family::Mug);
-        let paths = model.paths(&object, &gripper, 6, 4, Some(1)).unwrap();
+        let paths = model.paths(&object, &gripper, 6, 4, Some(1), 0.0).unwrap();
         let own = TrainingObject::new("mug", &object.surface, &[], gripper.tcp_z_m, &preset);
         let own = own.unwrap();
         let width = features::count(&preset.network);
