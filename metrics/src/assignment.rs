@@ -15,18 +15,22 @@ pub fn least_cost(costs: &[f32], n: usize) -> Vec<usize> {
     let mut column_of = vec![NONE; n];
     let mut row_of = vec![NONE; n];
     let mut price = vec![0f32; n];
-    // Column reduction: each column goes to its cheapest row, if that is still free.
-    for j in (0..n).rev() {
-        let mut best = 0;
-        for i in 1..n {
-            if row(i)[j] < row(best)[j] {
-                best = i;
+    // Column reduction: each column goes to its cheapest row, if that is still free. Row by row, as
+    // the matrix lies in memory.
+    let mut cheapest = vec![0usize; n];
+    price.copy_from_slice(row(0));
+    for i in 1..n {
+        for ((c, p), best) in row(i).iter().zip(&mut price).zip(&mut cheapest) {
+            if c < p {
+                *p = *c;
+                *best = i;
             }
         }
-        price[j] = row(best)[j];
-        if column_of[best] == NONE {
-            column_of[best] = j;
-            row_of[j] = best;
+    }
+    for j in (0..n).rev() {
+        if column_of[cheapest[j]] == NONE {
+            column_of[cheapest[j]] = j;
+            row_of[j] = cheapest[j];
         }
     }
     // Augmenting row reduction, twice: a free row takes its cheapest column and outbids the second.
@@ -38,15 +42,7 @@ pub fn least_cost(costs: &[f32], n: usize) -> Vec<usize> {
         while k < free.len() {
             let i = free[k];
             k += 1;
-            let (mut best, mut first, mut second) = (0, f32::MAX, f32::MAX);
-            for (j, (c, p)) in row(i).iter().zip(&price).enumerate() {
-                let d = c - p;
-                if d < first {
-                    (second, first, best) = (first, d, j);
-                } else if d < second {
-                    second = d;
-                }
-            }
+            let (best, first, second) = two_least(row(i), &price);
             let previous = row_of[best];
             if first < second {
                 price[best] -= second - first;
@@ -69,46 +65,40 @@ pub fn least_cost(costs: &[f32], n: usize) -> Vec<usize> {
         }
         free = still;
     }
-    // Dijkstra from each row that is left.
+    // Dijkstra from each row that is left. All columns take part in each pass, so that the passes
+    // are plain loops over arrays; a column that is done stands at minus infinity.
     let mut distance = vec![0f32; n];
-    let mut from = vec![0usize; n];
-    let mut todo: Vec<usize> = Vec::with_capacity(n);
-    let mut done: Vec<usize> = Vec::with_capacity(n);
+    let mut from = vec![0u32; n];
+    let mut done: Vec<(usize, f32)> = Vec::with_capacity(n);
     for start in free {
-        todo.clear();
         done.clear();
-        todo.extend(0..n);
-        for j in 0..n {
-            distance[j] = row(start)[j] - price[j];
-            from[j] = start;
+        for ((d, c), p) in distance.iter_mut().zip(row(start)).zip(&price) {
+            *d = c - p;
         }
+        from.fill(start as u32);
         let (end, shortest) = loop {
-            let nearest = (0..todo.len())
-                .min_by(|a, b| distance[todo[*a]].total_cmp(&distance[todo[*b]]))
-                .expect("a square matrix has a free column left");
-            let j = todo.swap_remove(nearest);
-            let so_far = distance[j];
+            let (j, so_far) = nearest(&distance);
             let i = row_of[j];
             if i == NONE {
                 break (j, so_far);
             }
-            done.push(j);
+            done.push((j, so_far));
+            distance[j] = f32::NEG_INFINITY;
             let base = so_far - (row(i)[j] - price[j]);
-            let costs = row(i);
-            for &k in &todo {
-                let d = base + costs[k] - price[k];
-                if d < distance[k] {
-                    distance[k] = d;
-                    from[k] = i;
-                }
+            let columns = distance.iter_mut().zip(&mut from);
+            for (((d, f), c), p) in columns.zip(row(i)).zip(&price) {
+                let new = base + (c - p);
+                let is_shorter = new < *d;
+                *d = if is_shorter { new } else { *d };
+                *f = if is_shorter { i as u32 } else { *f };
             }
         };
-        for &j in &done {
-            price[j] += distance[j] - shortest;
+        for &(j, so_far) in &done {
+            price[j] += so_far - shortest;
         }
         let mut j = end;
         loop {
-            let i = from[j];
+            let i = from[j] as usize;
             row_of[j] = i;
             let next = column_of[i];
             column_of[i] = j;
@@ -119,6 +109,66 @@ pub fn least_cost(costs: &[f32], n: usize) -> Vec<usize> {
         }
     }
     column_of
+}
+
+/// Lanes of the loops that the compiler shall turn into vectors.
+const LANES: usize = 16;
+
+fn smaller(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// Place of the least cost less price, that value, and the second least.
+fn two_least(costs: &[f32], price: &[f32]) -> (usize, f32, f32) {
+    let mut first = [f32::INFINITY; LANES];
+    let mut second = [f32::INFINITY; LANES];
+    let (c, p) = (costs.chunks_exact(LANES), price.chunks_exact(LANES));
+    let rest = c.remainder().iter().zip(p.remainder());
+    for (c, p) in c.zip(p) {
+        for k in 0..LANES {
+            let d = c[k] - p[k];
+            let larger = if d > first[k] { d } else { first[k] };
+            second[k] = smaller(second[k], larger);
+            first[k] = smaller(first[k], d);
+        }
+    }
+    let lanes = first.into_iter().chain(second);
+    let (mut one, mut two) = (f32::INFINITY, f32::INFINITY);
+    for d in lanes.chain(rest.map(|(c, p)| c - p)) {
+        if d < one {
+            (two, one) = (one, d);
+        } else {
+            two = smaller(two, d);
+        }
+    }
+    let place = costs.iter().zip(price).position(|(c, p)| c - p == one);
+    (place.expect("it is one of them"), one, two)
+}
+
+/// Place and value of the smallest finite distance, the first of equals.
+fn nearest(distance: &[f32]) -> (usize, f32) {
+    let open = |d: f32| {
+        if d == f32::NEG_INFINITY {
+            f32::INFINITY
+        } else {
+            d
+        }
+    };
+    let mut least = [f32::INFINITY; LANES];
+    let chunks = distance.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (l, d) in least.iter_mut().zip(chunk) {
+            let d = open(*d);
+            *l = smaller(*l, d);
+        }
+    }
+    let value = least
+        .into_iter()
+        .chain(rest.iter().map(|d| open(*d)))
+        .fold(f32::INFINITY, smaller);
+    let place = distance.iter().position(|d| *d == value);
+    (place.expect("a column is left"), value)
 }
 
 #[cfg(test)]

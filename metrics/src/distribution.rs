@@ -51,6 +51,10 @@ pub struct Distribution {
     pub coverage_auc: Option<f64>,
 }
 
+fn way(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    (a.translation.vector - b.translation.vector).norm()
+}
+
 fn angle(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     // Half a turn about z maps (x, y, z, w) to (y, -x, w, -z): the nearer of both poses counts.
     let (p, q) = (a.rotation.coords, b.rotation.coords);
@@ -59,17 +63,17 @@ fn angle(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     2.0 * w.min(1.0).acos()
 }
 
-fn mean_cost(a: &[Isometry3<f64>], b: &[Isometry3<f64>], cost: impl Fn(f64, f64) -> f64) -> f64 {
+/// Mean cost of a pair in the pairing of least total cost.
+fn mean_cost(
+    a: &[Isometry3<f64>],
+    b: &[Isometry3<f64>],
+    cost: impl Fn(&Isometry3<f64>, &Isometry3<f64>) -> f64,
+) -> f64 {
     let n = a.len();
-    let costs: Vec<f32> = a
-        .iter()
-        .flat_map(|a| {
-            b.iter().map(|b| {
-                let way = (a.translation.vector - b.translation.vector).norm();
-                cost(way, angle(a, b)) as f32
-            })
-        })
-        .collect();
+    let mut costs: Vec<f32> = Vec::with_capacity(n * n);
+    for a in a {
+        costs.extend(b.iter().map(|b| cost(a, b) as f32));
+    }
     let pairs = least_cost(&costs, n);
     let sum: f64 = pairs
         .iter()
@@ -79,6 +83,24 @@ fn mean_cost(a: &[Isometry3<f64>], b: &[Isometry3<f64>], cost: impl Fn(f64, f64)
     sum / n as f64
 }
 
+/// W1 of the translations, metres.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn w1_translation_m(a: &[Isometry3<f64>], b: &[Isometry3<f64>]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    mean_cost(a, b, way)
+}
+
+/// W1 of the rotations (geodesic angle up to the hand's half turn), radians.
+///
+/// # Panics
+/// If the sizes differ.
+pub fn w1_rotation_rad(a: &[Isometry3<f64>], b: &[Isometry3<f64>]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    mean_cost(a, b, angle)
+}
+
 /// The four distances of two sets of the same size, which is not 0.
 ///
 /// # Panics
@@ -86,10 +108,10 @@ fn mean_cost(a: &[Isometry3<f64>], b: &[Isometry3<f64>], cost: impl Fn(f64, f64)
 pub fn distances(a: &[Isometry3<f64>], b: &[Isometry3<f64>]) -> Distances {
     assert_eq!(a.len(), b.len());
     Distances {
-        w1_translation_m: mean_cost(a, b, |way, _| way),
-        w1_rotation_rad: mean_cost(a, b, |_, angle| angle),
-        emd_se3dif: mean_cost(a, b, |way, angle| way + 1.0 - angle.cos()),
-        emd_equigraspflow: mean_cost(a, b, f64::hypot),
+        w1_translation_m: w1_translation_m(a, b),
+        w1_rotation_rad: w1_rotation_rad(a, b),
+        emd_se3dif: mean_cost(a, b, |a, b| way(a, b) + 1.0 - angle(a, b).cos()),
+        emd_equigraspflow: mean_cost(a, b, |a, b| way(a, b).hypot(angle(a, b))),
     }
 }
 
