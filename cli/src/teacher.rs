@@ -22,6 +22,9 @@ const TRIES_PER_RING: u32 = 10;
 const RING_M: f64 = 0.012;
 const RING_RAD: f64 = 0.25;
 
+/// No path that is taught begins within this many steps of the end.
+const LATEST_STEPS: usize = 2;
+
 /// What geometry approves of on one object.
 pub struct Approval<'a> {
     hand: HandModel,
@@ -113,8 +116,17 @@ impl Teacher {
         run_seed: u64,
     ) -> Result<Vec<TaughtPath>, Failure> {
         let mut model = self.model.lock().expect("nobody panics while holding it");
-        let paths = model.paths(object, gripper, self.paths, run_seed, None, self.from_time)?;
+        let steps = model.card.steps;
+        let paths = model.paths(object, gripper, self.paths, run_seed, None)?;
         drop(model);
+        let first = (self.from_time * steps as f64).round() as usize;
+        // From noise on there is one beginning. On the way there are several, so that the student
+        // sees where the teacher is late, too; not the last steps, which leave no time.
+        let beginnings = if first == 0 {
+            1
+        } else {
+            steps.saturating_sub(LATEST_STEPS + first).max(1)
+        };
         Ok(paths
             .into_par_iter()
             .enumerate()
@@ -122,9 +134,11 @@ impl Teacher {
                 let pose = &path.object_from_hand;
                 let is_good = approval.is_good(pose);
                 let mut rng = seed::stream(run_seed, "close-by-v1", &object.id, "", i as u64);
+                let begin = first + i % beginnings;
                 TaughtPath {
-                    middle: path.middle,
-                    end: path.end,
+                    time: begin as f32 / steps as f32,
+                    from: path.states[begin],
+                    end: path.states[steps],
                     is_good,
                     close_by: if is_good {
                         None

@@ -206,7 +206,7 @@ impl Context<'_> {
             let approval = Approval::new(object, self.gripper, least)?;
             let paths = teacher.paths(object, self.gripper, &approval, self.global.seed)?;
             let weight = preset.training.translation_weight;
-            trained.rectify(&paths, self.args.rectify_from as f32, weight, tcp_z_m);
+            trained.rectify(&paths, weight, tcp_z_m);
         }
         Ok(trained)
     }

@@ -3,8 +3,6 @@
 //! RFMGrasp: `omega = (xi - xi^T) / 2` (eq. 12), `R <- R exp(omega dt)` (eq. 16),
 //! `t <- t + dt v` (eq. 15), from time 0 to 1. Angular velocities are in the body frame.
 
-use std::ops::Range;
-
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::card::{Integrator, ModelError};
@@ -68,49 +66,47 @@ pub fn integrate(
     integrator: Integrator,
     batch: usize,
 ) -> Result<(), ModelError> {
-    integrate_steps(field, samples, 0..steps, steps, integrator, batch)
+    assert!(steps > 0, "at least one step");
+    for k in 0..steps {
+        step(field, samples, k, steps, integrator, batch)?;
+    }
+    Ok(())
 }
 
-/// Some of the `steps` equal steps from time 0 to 1.
+/// Step number `k` of the `steps` equal steps from time 0 to 1.
 ///
 /// # Errors
 /// Those of the field.
-///
-/// # Panics
-/// If `steps` is 0.
-pub fn integrate_steps(
+pub fn step(
     field: &mut impl VelocityField,
     samples: &mut [FlowSample],
-    taken: Range<usize>,
+    k: usize,
     steps: usize,
     integrator: Integrator,
     batch: usize,
 ) -> Result<(), ModelError> {
-    assert!(steps > 0, "at least one step");
     let dt = 1.0 / steps as f64;
+    let time = k as f64 * dt;
     for chunk in samples.chunks_mut(batch.max(1)) {
-        for k in taken.clone() {
-            let time = k as f64 * dt;
-            let here = field.velocities(chunk, time)?;
-            match integrator {
-                Integrator::Euler => {
-                    for (s, v) in chunk.iter_mut().zip(&here) {
-                        *s = moved(s, &angular_velocity(&v.rotation), &v.translation, dt);
-                    }
+        let here = field.velocities(chunk, time)?;
+        match integrator {
+            Integrator::Euler => {
+                for (s, v) in chunk.iter_mut().zip(&here) {
+                    *s = moved(s, &angular_velocity(&v.rotation), &v.translation, dt);
                 }
-                Integrator::Heun => {
-                    let ahead: Vec<FlowSample> = chunk
-                        .iter()
-                        .zip(&here)
-                        .map(|(s, v)| moved(s, &angular_velocity(&v.rotation), &v.translation, dt))
-                        .collect();
-                    let there = field.velocities(&ahead, time + dt)?;
-                    for ((s, a), b) in chunk.iter_mut().zip(&here).zip(&there) {
-                        let omega =
-                            (angular_velocity(&a.rotation) + angular_velocity(&b.rotation)) * 0.5;
-                        let v = (a.translation + b.translation) * 0.5;
-                        *s = moved(s, &omega, &v, dt);
-                    }
+            }
+            Integrator::Heun => {
+                let ahead: Vec<FlowSample> = chunk
+                    .iter()
+                    .zip(&here)
+                    .map(|(s, v)| moved(s, &angular_velocity(&v.rotation), &v.translation, dt))
+                    .collect();
+                let there = field.velocities(&ahead, time + dt)?;
+                for ((s, a), b) in chunk.iter_mut().zip(&here).zip(&there) {
+                    let omega =
+                        (angular_velocity(&a.rotation) + angular_velocity(&b.rotation)) * 0.5;
+                    let v = (a.translation + b.translation) * 0.5;
+                    *s = moved(s, &omega, &v, dt);
                 }
             }
         }

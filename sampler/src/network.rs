@@ -11,7 +11,7 @@ use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
 
 use crate::card::{ModelCard, ModelError};
 use crate::files::ModelFiles;
-use crate::flow::{FlowSample, Velocity, VelocityField, integrate_steps};
+use crate::flow::{FlowSample, Velocity, VelocityField, step};
 use crate::runtime::{Runtime, runtime};
 use crate::seed;
 
@@ -27,14 +27,10 @@ struct Extras {
 }
 
 /// Where a grasp came from and where it ended.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FlowPath {
-    /// Start of the path, normalised frame of the model.
-    pub noise: FlowSample,
-    /// On the way, at the time that was asked for.
-    pub middle: FlowSample,
-    /// End of the path, normalised frame of the model.
-    pub end: FlowSample,
+    /// Noise, the pose after each step, and the end; normalised frame of the model.
+    pub states: Vec<FlowSample>,
     /// The end as a grasp, ACRONYM frame.
     pub object_from_hand: Isometry3<f64>,
 }
@@ -150,7 +146,7 @@ impl FlowModel {
         run_seed: u64,
         steps: Option<usize>,
     ) -> Result<Vec<Grasp>, ModelError> {
-        let pairs = self.paths(object, gripper, count, run_seed, steps, 0.0)?;
+        let pairs = self.paths(object, gripper, count, run_seed, steps)?;
         Ok(pairs
             .into_iter()
             .enumerate()
@@ -158,8 +154,7 @@ impl FlowModel {
             .collect())
     }
 
-    /// As [`FlowModel::sample`], with the noise that each grasp came from and the pose on the way
-    /// at the step nearest to `middle_time`.
+    /// As [`FlowModel::sample`], with the pose before and after every step.
     ///
     /// # Errors
     /// A network that fails or returns non-finite numbers.
@@ -170,12 +165,11 @@ impl FlowModel {
         count: u64,
         run_seed: u64,
         steps: Option<usize>,
-        middle_time: f64,
     ) -> Result<Vec<FlowPath>, ModelError> {
         let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
         let latent = self.bind(&sdf.values, sdf.scale_m, Some(&object.id))?;
-        let noise: Vec<FlowSample> = (0..count)
+        let mut samples: Vec<FlowSample> = (0..count)
             .map(|index| {
                 let mut rng = seed::stream(run_seed, "flow-v1", &object.id, &gripper.name, index);
                 FlowSample {
@@ -184,7 +178,6 @@ impl FlowModel {
                 }
             })
             .collect();
-        let mut middles = noise.clone();
         let (steps, integrator) = (steps.unwrap_or(self.card.steps), self.card.integrator);
         let frame = self.frame;
         let mut field = Bound {
@@ -192,21 +185,21 @@ impl FlowModel {
             latent,
             sdf: &sdf,
         };
-        let k = (middle_time * steps as f64).round() as usize;
-        integrate_steps(&mut field, &mut middles, 0..k, steps, integrator, BATCH)?;
-        let mut ends = middles.clone();
-        integrate_steps(&mut field, &mut ends, k..steps, steps, integrator, BATCH)?;
-        Ok(noise
+        let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
+        for k in 0..steps {
+            step(&mut field, &mut samples, k, steps, integrator, BATCH)?;
+            for (path, sample) in states.iter_mut().zip(&samples) {
+                path.push(*sample);
+            }
+        }
+        Ok(states
             .into_iter()
-            .zip(middles)
-            .zip(ends)
-            .map(|((noise, middle), end)| {
+            .map(|states| {
+                let end = states[steps];
                 let translation = sdf.centre_m.coords + end.translation * sdf.scale_m;
                 let pose = Isometry3::from_parts(Translation3::from(translation), end.rotation);
                 FlowPath {
-                    noise,
-                    middle,
-                    end,
+                    states,
                     object_from_hand: frame.to_hand(&pose, gripper.tcp_z_m),
                 }
             })

@@ -113,20 +113,21 @@ impl<'a> Batches<'a> {
         } else {
             1.0
         };
-        let mut ways = if object.pairs.is_empty() {
-            self.drawn(object, &turned_by, unit, k, 1.0, rng)
-        } else if object.pairs_from == 0.0 {
-            Vec::new()
-        } else {
-            self.drawn(object, &turned_by, unit, k / 2, object.pairs_from, rng)
+        // With pairs, half of the trajectories are theirs, and the others end where they begin.
+        let until = object.pairs_from();
+        let drawn = match until {
+            0.0 => 0,
+            1.0 => k,
+            _ => k / 2,
         };
+        let mut ways = self.drawn(object, &turned_by, unit, drawn, until, rng);
         while ways.len() < k {
-            let (from, to) = object.pairs[rng.random_range(0..object.pairs.len())];
+            let pair = object.pairs[rng.random_range(0..object.pairs.len())];
             ways.push(Way {
-                from: turned_by * from,
-                to: turned_by * to,
-                start: object.pairs_from,
-                within: [object.pairs_from, 1.0],
+                from: turned_by * pair.from,
+                to: turned_by * pair.to,
+                start: pair.time,
+                within: [pair.time, 1.0],
             });
         }
         let width = features::count(network);

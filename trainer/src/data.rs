@@ -23,12 +23,10 @@ pub struct TrainingObject {
     pub histogram: Vec<f32>,
     /// Poses of the model's frame in the normalised frame of the grid.
     pub poses: Vec<Isometry3<f32>>,
-    /// Poses at the time `pairs_from` with the grasps that they shall become, both in that frame;
-    /// what comes before that time, or all where there are none, is drawn and paired anew in every
-    /// batch.
-    pub pairs: Vec<(Isometry3<f32>, Isometry3<f32>)>,
-    /// 0: the pairs begin as noise.
-    pub pairs_from: f32,
+    /// Poses on their way with the grasps that they shall become, both in that frame. What comes
+    /// before the earliest of their times, or all where there are none, is drawn and paired anew in
+    /// every batch.
+    pub pairs: Vec<Pair>,
 }
 
 impl TrainingObject {
@@ -55,7 +53,6 @@ impl TrainingObject {
             histogram,
             poses: Vec::new(),
             pairs: Vec::new(),
-            pairs_from: 0.0,
         };
         let pose = |g: &Grasp| object.normalised(&g.object_from_hand, tcp_z_m);
         object.poses = grasps.iter().map(pose).collect();
@@ -70,26 +67,19 @@ impl TrainingObject {
         Isometry3::from_parts(translation.cast::<f32>().into(), pose.rotation.cast())
     }
 
-    /// Fixes the pairing from `from_time` on (rectified flow: X. Liu, C. Gong, Q. Liu, ICLR 2023):
-    /// a pose on the way goes where a trained model took it, or, where that was no good grasp, to
-    /// the nearest that is: a known one, another good end, or the one found close by.
+    /// Fixes the pairing from some time on (rectified flow: X. Liu, C. Gong, Q. Liu, ICLR 2023): a
+    /// pose on the way goes where a trained model took it, or, where that was no good grasp, to the
+    /// nearest that is: a known one, another good end, or the one found close by.
     ///
     /// With straight paths that do not cross, few steps suffice; and what the teacher got wrong is
     /// what is learned.
-    pub fn rectify(
-        &mut self,
-        paths: &[TaughtPath],
-        from_time: f32,
-        translation_weight: f32,
-        tcp_z_m: f64,
-    ) {
+    pub fn rectify(&mut self, paths: &[TaughtPath], translation_weight: f32, tcp_z_m: f64) {
         let pose = |s: &FlowSample| {
             Isometry3::from_parts(s.translation.cast::<f32>().into(), s.rotation.cast())
         };
         let unit = self.sdf.scale_m as f32 / LENGTH_UNIT_M;
         let mut good = self.poses.clone();
         good.extend(paths.iter().filter(|p| p.is_good).map(|p| pose(&p.end)));
-        self.pairs_from = from_time;
         self.pairs = paths
             .iter()
             .map(|path| {
@@ -102,17 +92,39 @@ impl TrainingObject {
                     let both: Vec<_> = close_by.into_iter().chain([known]).collect();
                     pairing::nearest(&end, &both, unit, translation_weight)
                 };
-                (pose(&path.middle), to)
+                Pair {
+                    time: path.time,
+                    from: pose(&path.from),
+                    to,
+                }
             })
             .collect();
     }
+
+    /// The earliest time of a pair; 1 without pairs.
+    pub fn pairs_from(&self) -> f32 {
+        self.pairs.iter().map(|p| p.time).fold(1.0, f32::min)
+    }
+}
+
+/// A pose on its way with the grasp that it shall become, normalised frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Time at `from`; 0: noise.
+    pub time: f32,
+    /// The pose.
+    pub from: Isometry3<f32>,
+    /// The grasp.
+    pub to: Isometry3<f32>,
 }
 
 /// A path of a trained model, judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaughtPath {
-    /// The pose at the time from which on it is learned from.
-    pub middle: FlowSample,
+    /// A time on the path.
+    pub time: f32,
+    /// The pose at that time.
+    pub from: FlowSample,
     /// The end.
     pub end: FlowSample,
     /// Is the end a good grasp?

@@ -24,7 +24,7 @@ pub mod preset;
 pub mod silu;
 pub mod train;
 
-pub use data::{TaughtPath, TrainingObject};
+pub use data::{Pair, TaughtPath, TrainingObject};
 pub use error::TrainError;
 pub use preset::Preset;
 pub use train::{Observer, Progress, Training, train};

@@ -17,7 +17,7 @@ use shakedown_trainer::history::Entry;
 use shakedown_trainer::network::{Network, initial};
 use shakedown_trainer::train::forward;
 use shakedown_trainer::{
-    Observer, Preset, Progress, TrainError, Training, TrainingObject, features, train,
+    Observer, Pair, Preset, Progress, TrainError, Training, TrainingObject, features, train,
 };
 
 struct Quiet;
@@ -115,7 +115,7 @@ fn the_exported_graphs_are_the_network() {
         export(&out, &preset, &parameters, &provenance()).unwrap();
         let mut model = FlowModel::load(&out, None).unwrap();
         let object = object(Family::Mug);
-        let paths = model.paths(&object, &gripper, 6, 4, Some(1), 0.0).unwrap();
+        let paths = model.paths(&object, &gripper, 6, 4, Some(1)).unwrap();
         let own = TrainingObject::new("mug", &object.surface, &[], gripper.tcp_z_m, &preset);
         let own = own.unwrap();
         let width = features::count(&preset.network);
@@ -134,8 +134,8 @@ fn the_exported_graphs_are_the_network() {
         };
         for (path, out) in paths.iter().zip(batch.features.chunks_mut(width)) {
             let pose = Isometry3::from_parts(
-                Translation3::from(path.noise.translation.cast::<f32>()),
-                path.noise.rotation.cast(),
+                Translation3::from(path.states[0].translation.cast::<f32>()),
+                path.states[0].rotation.cast(),
             );
             features::write(&preset.network, &points, &own.sdf, &pose, 0.0, out);
         }
@@ -150,11 +150,11 @@ fn the_exported_graphs_are_the_network() {
             );
             let mut v = Vector3::new(raw[9].into(), raw[10].into(), raw[11].into());
             if preset.network.hand_frame {
-                v = path.noise.rotation * v * (0.1 / own.sdf.scale_m);
+                v = path.states[0].rotation * v * (0.1 / own.sdf.scale_m);
             }
-            let end = path.noise.rotation * UnitQuaternion::new(omega);
-            assert!(end.angle_to(&path.end.rotation) < 2e-5, "{name}");
-            let way = path.end.translation - path.noise.translation;
+            let end = path.states[0].rotation * UnitQuaternion::new(omega);
+            assert!(end.angle_to(&path.states[1].rotation) < 2e-5, "{name}");
+            let way = path.states[1].translation - path.states[0].translation;
             assert!(
                 (way - v).norm() < 1e-5 * (1.0 + v.norm()),
                 "{name}: {way} {v}"
@@ -203,6 +203,49 @@ fn a_stopped_training_resumes_to_the_same_bytes_on_any_number_of_threads() {
     }
 }
 
+fn from_noise(from: Isometry3<f32>, to: Isometry3<f32>) -> Pair {
+    Pair {
+        time: 0.0,
+        from,
+        to,
+    }
+}
+
+/// Pairs from a time on: after it the trajectories lead from those poses to those grasps, before it
+/// they are drawn as in a first stage.
+#[test]
+fn what_is_taught_from_a_time_on_leads_to_the_grasps_of_the_pairs() {
+    let preset = small("best");
+    let mut objects = data(&preset);
+    let drawn = Batches::new(&preset, &objects, 0).batch(0);
+    for o in &mut objects {
+        let from = Isometry3::translation(0.2, 0.1, 0.3);
+        o.pairs = vec![Pair {
+            time: 0.5,
+            ..from_noise(from, from)
+        }];
+        assert_eq!(o.pairs_from(), 0.5);
+    }
+    let batch = Batches::new(&preset, &objects, 0).batch(0);
+    let k = preset.training.grasps_per_object;
+    let rows: Vec<&[f32]> = batch.targets.chunks(6).collect();
+    for object in rows.chunks(k) {
+        // A pair that is where it shall be asks for no motion.
+        assert!(
+            object[k / 2..]
+                .iter()
+                .flat_map(|r| r.iter())
+                .all(|x| x.abs() < 1e-4)
+        );
+        assert!(
+            object[..k / 2]
+                .iter()
+                .all(|r| r.iter().any(|x| x.abs() > 1e-2))
+        );
+    }
+    assert_eq!(drawn.targets.len(), batch.targets.len());
+}
+
 #[test]
 fn the_loss_falls() {
     let mut preset = small("best");
@@ -212,7 +255,7 @@ fn the_loss_falls() {
     // A pairing that is fixed has no chance in it: all of the loss can go.
     for o in &mut objects {
         let noise = |i: usize| Isometry3::translation(0.3 * i as f32 - 0.4, 0.2, 0.5);
-        o.pairs = (0..3).map(|i| (noise(i), o.poses[i])).collect();
+        o.pairs = (0..3).map(|i| from_noise(noise(i), o.poses[i])).collect();
     }
     let dir = tempfile::tempdir().unwrap();
     let facts = provenance();
@@ -241,13 +284,17 @@ fn in_the_hands_frame_a_turn_of_the_scene_changes_no_target() {
                 }
             }
         }
-        o.pairs = vec![(Isometry3::translation(0.2, 0.1, 0.3), o.poses[0])];
+        o.pairs = vec![from_noise(
+            Isometry3::translation(0.2, 0.1, 0.3),
+            o.poses[0],
+        )];
     }
     let pairs: Vec<_> = objects.iter().map(|o| o.pairs.clone()).collect();
     for o in &mut objects {
-        for (a, b) in &mut o.pairs {
-            *a = Isometry3::from_parts(Translation3::identity(), turn) * *a;
-            *b = Isometry3::from_parts(Translation3::identity(), turn) * *b;
+        for pair in &mut o.pairs {
+            for pose in [&mut pair.from, &mut pair.to] {
+                *pose = Isometry3::from_parts(Translation3::identity(), turn) * *pose;
+            }
         }
     }
     let turned = Batches::new(&preset, &objects, 0).batch(0);
