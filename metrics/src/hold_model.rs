@@ -46,7 +46,8 @@ pub struct HoldModel {
     pub about: String,
     /// Protocol whose trials it reads.
     pub protocol: String,
-    /// Names of its features, in the order of the nodes' numbers.
+    /// Names of the features, in the order of the nodes' numbers: in a file any of [`NAMES`], once
+    /// read all of them.
     pub features: Vec<String>,
     /// Logit before any tree.
     pub base: f32,
@@ -74,25 +75,34 @@ impl HoldModel {
     /// # Errors
     /// Unknown features, nodes that lead nowhere or in circles.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let model: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
-        if !model.features.iter().map(String::as_str).eq(NAMES) {
-            return Err("the model was made for other features; fit it again".into());
-        }
-        for (t, tree) in model.trees.iter().enumerate() {
-            for (i, node) in tree.iter().enumerate() {
+        let mut model: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        // The nodes number the model's own features; they are found here by name.
+        let places = model
+            .features
+            .iter()
+            .map(|name| {
+                let place = NAMES.iter().position(|n| n == name);
+                place.ok_or_else(|| format!("no feature is called {name:?}; fit the model again"))
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        for (t, tree) in model.trees.iter_mut().enumerate() {
+            let count = tree.len();
+            for (i, node) in tree.iter_mut().enumerate() {
                 if node.left == 0 {
                     continue;
                 }
                 // Children come after their parent, so no walk can go in circles.
-                let leads = |to: usize| to > i && to < tree.len();
-                if !leads(node.left) || !leads(node.right) || node.feature >= NAMES.len() {
+                let leads = |to: usize| to > i && to < count;
+                if !leads(node.left) || !leads(node.right) || node.feature >= places.len() {
                     return Err(format!("tree {t}, node {i}: leads nowhere"));
                 }
+                node.feature = places[node.feature];
             }
-            if tree.is_empty() {
+            if count == 0 {
                 return Err(format!("tree {t} is empty"));
             }
         }
+        model.features = NAMES.map(str::to_owned).to_vec();
         Ok(model)
     }
 
