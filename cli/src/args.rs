@@ -248,6 +248,10 @@ pub struct RunArgs {
     /// Which trials are recorded under replays/
     #[arg(long, value_enum, default_value_t = Record::None)]
     pub record: Record,
+    /// Fill the columns `epsilon` and `wrench_volume`: analytic quality of the contacts that the trial
+    /// found, or, where it found none, of those that geometry predicts
+    #[arg(long)]
+    pub wrench: bool,
     /// Only print what would be run
     #[arg(long)]
     pub dry_run: bool,

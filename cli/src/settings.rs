@@ -20,6 +20,7 @@ pub struct Settings {
     pub thresholds: Thresholds,
     pub geometry: bool,
     pub physics: bool,
+    pub wrench: bool,
     pub cache: Option<PathBuf>,
 }
 
@@ -42,6 +43,7 @@ impl Settings {
             thresholds: Thresholds::default(),
             geometry: args.stages.contains(&Stage::Geometry),
             physics: args.stages.contains(&Stage::Physics),
+            wrench: args.wrench,
             cache: shakedown_objects::pieces::default_cache_directory(),
         })
     }

@@ -4,9 +4,11 @@ use std::sync::Mutex;
 
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
+use shakedown_classifier::profile::profile;
 use shakedown_classifier::{Verdict, classify};
 use shakedown_gripper_assets::Grasp;
 use shakedown_metrics::hold_model::HoldJudge;
+use shakedown_metrics::wrench_space::{Friction, predicted_quality};
 use shakedown_objects::Object;
 use shakedown_report::TrialRow;
 use shakedown_report::replay::Replay;
@@ -80,6 +82,34 @@ impl Bench {
         ))
     }
 
+    /// Epsilon and volume of the wrench space, at the friction of the trial.
+    fn wrench(
+        &self,
+        settings: &Settings,
+        grasp: &Grasp,
+        outcome: Option<&Outcome>,
+    ) -> Option<[f64; 2]> {
+        if !settings.wrench {
+            return None;
+        }
+        let closed = outcome.and_then(|o| o.closed_object_from_hand);
+        let pose = closed.unwrap_or(grasp.object_from_hand);
+        let protocol = &settings.protocol;
+        let stated = self.object.friction.unwrap_or(protocol.friction) * protocol.friction_scale;
+        let friction = Friction {
+            coefficient: self.scene.as_ref().map_or(stated, |s| s.friction),
+            ..Friction::default()
+        };
+        let surface = &self.object.surface;
+        let quality = predicted_quality(
+            &profile(&settings.hand, surface, &pose),
+            friction,
+            &pose.inverse_transform_point(&self.object.mass.com_m),
+            surface.mesh().extents().max(),
+        );
+        Some([quality.epsilon, quality.volume])
+    }
+
     /// The object as the report shows it.
     pub fn view(&self) -> ViewMesh {
         let mesh = self.object.surface.mesh();
@@ -129,8 +159,12 @@ impl Bench {
                     .flatten()
                     .and_then(|t| outcome.map(|o| replay(&self.object.id, grasp.index, &o, &t)));
                 let p_hold = self.p_hold(settings, grasp, verdict.as_ref(), outcome.as_ref());
-                let cells = trial_row(grasp, verdict.as_ref(), outcome.as_ref(), p_hold);
-                Some((cells, replay))
+                let row = TrialRow {
+                    p_hold,
+                    wrench: self.wrench(settings, grasp, outcome.as_ref()),
+                    ..trial_row(grasp, verdict.as_ref(), outcome.as_ref())
+                };
+                Some((row, replay))
             })
             .collect()
     }
@@ -158,14 +192,10 @@ fn try_grasp(
     (outcome, trace)
 }
 
-fn trial_row(
-    grasp: &Grasp,
-    verdict: Option<&Verdict>,
-    outcome: Option<&Outcome>,
-    p_hold: Option<f64>,
-) -> TrialRow {
+fn trial_row(grasp: &Grasp, verdict: Option<&Verdict>, outcome: Option<&Outcome>) -> TrialRow {
     TrialRow {
-        p_hold,
+        p_hold: None,
+        wrench: None,
         grasp: grasp.index,
         score: grasp.score,
         label: grasp.label,

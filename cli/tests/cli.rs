@@ -118,7 +118,14 @@ fn a_run_writes_every_file_of_the_contract_and_repeats_its_bytes() {
         .collect();
     assert_eq!(
         headers[27..],
-        ["p_hold", "stage", "margin_g", "closing_width_m"]
+        [
+            "p_hold",
+            "stage",
+            "margin_g",
+            "closing_width_m",
+            "epsilon",
+            "wrench_volume"
+        ]
     );
     let keys: Vec<(String, u64)> = reader
         .records()

@@ -3,7 +3,7 @@
 use std::io::Write;
 
 /// Column names, in the order of the contract.
-pub const COLUMNS: [&str; 31] = [
+pub const COLUMNS: [&str; 33] = [
     "object",
     "grasp",
     "score",
@@ -35,6 +35,8 @@ pub const COLUMNS: [&str; 31] = [
     "stage",
     "margin_g",
     "closing_width_m",
+    "epsilon",
+    "wrench_volume",
 ];
 
 /// One row; `None` becomes an empty cell.
@@ -56,6 +58,8 @@ pub struct TrialRow {
     pub physics: Option<PhysicsCells>,
     /// Calibrated probability to hold.
     pub p_hold: Option<f64>,
+    /// Analytic quality, where it was asked for: Ferrari-Canny epsilon and wrench-space volume.
+    pub wrench: Option<[f64; 2]>,
 }
 
 /// Cells of the classifier.
@@ -157,6 +161,8 @@ pub fn write_row(out: &mut impl Write, object: &str, row: &TrialRow) -> std::io:
     number(&mut line, row.physics.as_ref().and_then(|p| p.margin_g));
     let closing_width_m = row.geometry.as_ref().and_then(|g| g.closing_width_m);
     number(&mut line, closing_width_m);
+    number(&mut line, row.wrench.map(|w| w[0]));
+    number(&mut line, row.wrench.map(|w| w[1]));
     line.push('\n');
     out.write_all(line.as_bytes())
 }
@@ -197,6 +203,7 @@ mod tests {
                 margin_g: Some(3.5),
             }),
             p_hold: None,
+            wrench: Some([0.02, 1e-6]),
         };
         let mut out = Vec::new();
         write_header(&mut out).unwrap();
@@ -218,6 +225,7 @@ mod tests {
         );
         assert_eq!((&rows[0][28], &rows[0][29]), ("hold", "3.5"));
         assert_eq!(&rows[0][30], "0.0625");
-        assert!((27..31).all(|i| rows[1][i].is_empty()));
+        assert_eq!((&rows[0][31], &rows[0][32]), ("0.02", "1e-6"));
+        assert!((27..33).all(|i| rows[1][i].is_empty()));
     }
 }
