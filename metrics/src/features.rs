@@ -8,8 +8,6 @@ use shakedown_classifier::profile::{COLUMNS, Line, Profile, ROWS};
 use shakedown_classifier::{HandModel, Verdict};
 use shakedown_sim::{Label, Outcome, Stage};
 
-use crate::wrench_space::{Friction, predicted_quality};
-
 /// What a feature needs to know of the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ObjectFacts {
@@ -22,7 +20,7 @@ pub struct ObjectFacts {
 }
 
 /// Names of the features, in their order.
-pub const NAMES: [&str; GEOMETRIC + TRIAL + CLOSED] = [
+pub const NAMES: [&str; GEOMETRIC + 9] = [
     "width_mm",
     "offset_mm",
     "angle_left_rad",
@@ -89,49 +87,17 @@ pub const NAMES: [&str; GEOMETRIC + TRIAL + CLOSED] = [
     "trial_force_per_kg",
     "trial_width_mm",
     "trial_time_s",
-    "closed_lines_hit",
-    "closed_rows_hit",
-    "closed_first_row_hit",
-    "closed_patch_left_lines",
-    "closed_patch_right_lines",
-    "closed_patch_both_lines",
-    "closed_patch_deep_lines",
-    "closed_patch_row_mean",
-    "closed_patch_row_spread",
-    "closed_patch_column_spread",
-    "closed_patch_left_cosine",
-    "closed_patch_right_cosine",
-    "closed_patch_offset_y_mm",
-    "closed_patch_offset_z_mm",
-    "closed_depth_first_row_mm",
-    "closed_depth_middle_rows_mm",
-    "closed_palm_gap_mm",
-    "closed_com_lever_mm",
-    "closed_wedge_rad",
-    "closed_force_closure",
-    "closed_epsilon",
-    "closed_wrench_volume_log",
 ];
 
 /// The first so many features need no simulation.
 pub const GEOMETRIC: usize = 57;
-
-/// Then come so many that a trial measured, and as many of the grasp as the closed fingers left it.
-const TRIAL: usize = 9;
-const CLOSED: usize = 22;
-
-/// Features of the patches that are taken again of the closed grasp.
-const PATCHES: [usize; 19] = [
-    6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 26, 29,
-];
 
 /// A contact patch is what lies within this of the first contact, metres: the rubber gives.
 const PATCH_M: f64 = 0.001;
 /// The part of a pad that FleX's labels ask for lies at least so far from its tip; rows counted.
 const DEEP_ROW: usize = 2;
 
-/// The features of one grasp; NaN where unknown. `closed` are the lines between the pads where the
-/// trial closed them.
+/// The features of one grasp; NaN where unknown.
 pub fn features(
     hand: &HandModel,
     object: &ObjectFacts,
@@ -139,7 +105,6 @@ pub fn features(
     verdict: &Verdict,
     profile: &Profile,
     outcome: Option<&Outcome>,
-    closed: Option<&Profile>,
 ) -> [f32; NAMES.len()] {
     let mut values = [f64::NAN; NAMES.len()];
     if let Some(c) = &verdict.closing {
@@ -176,26 +141,7 @@ pub fn features(
         values[GEOMETRIC + 7] = some(o.width_m, 1e3);
         values[GEOMETRIC + 8] = o.sim_s;
     }
-    let pose = outcome.and_then(|o| o.closed_object_from_hand);
-    if let (Some(pose), Some(profile)) = (pose, closed) {
-        let com = pose.inverse_transform_point(&object.com_m);
-        let mut again = [f64::NAN; GEOMETRIC];
-        patches(&mut again, hand, profile, &com);
-        let out = &mut values[GEOMETRIC + TRIAL..];
-        for (value, i) in out.iter_mut().zip(PATCHES) {
-            *value = again[i];
-        }
-        wrench(&mut out[PATCHES.len()..], profile, &com, object);
-    }
     values.map(|v| v as f32)
-}
-
-/// Analytic quality: force closure, epsilon, logarithm of the volume.
-fn wrench(values: &mut [f64], profile: &Profile, com: &Point3<f64>, object: &ObjectFacts) {
-    let q = predicted_quality(profile, Friction::default(), com, object.extent_m);
-    values[0] = f64::from(u8::from(q.force_closure));
-    values[1] = q.epsilon;
-    values[2] = q.volume.max(1e-30).ln();
 }
 
 /// What the lines say of both contact patches.

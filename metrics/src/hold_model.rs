@@ -162,9 +162,6 @@ impl HoldJudge {
         outcome: Option<&Outcome>,
     ) -> f64 {
         let lines = profile(hand, surface, object_from_hand);
-        let closed = outcome
-            .and_then(|o| o.closed_object_from_hand)
-            .map(|pose| profile(hand, surface, &pose));
         let values = features(
             hand,
             &self.facts,
@@ -172,7 +169,6 @@ impl HoldJudge {
             verdict,
             &lines,
             outcome,
-            closed.as_ref(),
         );
         self.model.p_hold(&values)
     }

@@ -80,19 +80,7 @@ fn rows(
             let verdict = classify(&hand, &object.surface, pose, &Thresholds::default());
             let lines = profile(&hand, &object.surface, pose);
             let outcome = (!geometry_only).then(|| run_trial(&scene, pose));
-            let closed = outcome
-                .as_ref()
-                .and_then(|o| o.closed_object_from_hand)
-                .map(|p| profile(&hand, &object.surface, &p));
-            let values = features(
-                &hand,
-                &facts,
-                pose,
-                &verdict,
-                &lines,
-                outcome.as_ref(),
-                closed.as_ref(),
-            );
+            let values = features(&hand, &facts, pose, &verdict, &lines, outcome.as_ref());
             let label = grasp.label.map_or("", |l| if l { "1" } else { "0" });
             let mut row = format!("{id},{},{label}", grasp.index);
             for v in values {
