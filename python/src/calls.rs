@@ -161,13 +161,12 @@ fn keep<'py>(any: &Bound<'py, PyAny>) -> PyResult<Poses<'py>> {
         .py()
         .import("numpy")?
         .call_method1("ascontiguousarray", (any, "float64"))?;
-    Ok(array.extract()?)
+    array.extract()
 }
 
 /// Geometry and one trial for each pose.
 #[pyfunction]
 #[pyo3(signature = (mesh, poses, protocol = ProtocolLike::Name("acronym".into()), *, gripper = GripperLike::Name("franka_panda".into()), frame = "acronym", threads = None, scale = None, mass_kg = None, density_kg_m3 = None, friction = None))]
-#[allow(clippy::too_many_arguments)]
 pub fn simulate<'py>(
     py: Python<'py>,
     mesh: PathBuf,
@@ -216,7 +215,6 @@ fn tried(
 /// The poses best first: `order` indexes them, `p_hold` is in that order.
 #[pyfunction]
 #[pyo3(signature = (mesh, poses, *, gripper = GripperLike::Name("franka_panda".into()), frame = "acronym", threads = None, scale = None, mass_kg = None, density_kg_m3 = None, friction = None))]
-#[allow(clippy::too_many_arguments)]
 pub fn rank<'py>(
     py: Python<'py>,
     mesh: PathBuf,
@@ -254,7 +252,6 @@ pub fn rank<'py>(
 /// The numbers of `summary.json` over some objects: a dictionary of name to `(mesh, poses)`.
 #[pyfunction]
 #[pyo3(signature = (objects, protocol = ProtocolLike::Name("acronym".into()), *, gripper = GripperLike::Name("franka_panda".into()), frame = "acronym", threads = None, labels = None, facts = None))]
-#[allow(clippy::too_many_arguments)]
 pub fn evaluate<'py>(
     py: Python<'py>,
     objects: BTreeMap<String, (PathBuf, Bound<'py, PyAny>)>,

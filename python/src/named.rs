@@ -117,6 +117,8 @@ impl GripperLike {
 
 /// A name, or a protocol made before.
 #[derive(FromPyObject)]
+// One per call: its size does not matter.
+#[allow(clippy::large_enum_variant)]
 pub enum ProtocolLike {
     Made(Protocol),
     Name(String),
