@@ -226,6 +226,33 @@ fn sample_classify_and_run_pass_grasps_on_in_every_format() {
 }
 
 #[test]
+fn the_wrench_space_is_measured_where_it_is_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let cells = |out: &str, more: &[&str]| -> Vec<(String, String)> {
+        let mut args = vec!["run", "--filter", "box_0", "--sampler", "antipodal"];
+        args.extend(["--candidates", "12", "--out", out, "-q"]);
+        args.extend(more);
+        ok(d, &args);
+        let mut reader = csv::Reader::from_path(d.join(out).join("trials.csv")).unwrap();
+        let rows = reader.records().map(Result::unwrap);
+        rows.map(|r| (r[31].to_owned(), r[32].to_owned())).collect()
+    };
+    assert!(
+        cells("plain", &[])
+            .iter()
+            .all(|c| c.0.is_empty() && c.1.is_empty())
+    );
+    let measured = cells("wrench", &["--wrench"]);
+    // The trial turns a box until its faces lie flat on the pads: force closure.
+    let closed = measured
+        .iter()
+        .filter(|c| c.0.parse::<f64>().unwrap() > 0.0);
+    assert!(closed.count() > 6, "{measured:?}");
+    assert!(measured.iter().all(|c| c.1.parse::<f64>().unwrap() > 0.0));
+}
+
+#[test]
 fn listings_name_what_is_built_in() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
