@@ -245,11 +245,12 @@ fn the_wrench_space_is_measured_where_it_is_asked_for() {
     );
     let measured = cells("wrench", &["--wrench"]);
     // The trial turns a box until its faces lie flat on the pads: force closure.
-    let closed = measured
+    let closed: Vec<_> = measured
         .iter()
-        .filter(|c| c.0.parse::<f64>().unwrap() > 0.0);
-    assert!(closed.count() > 6, "{measured:?}");
-    assert!(measured.iter().all(|c| c.1.parse::<f64>().unwrap() > 0.0));
+        .filter(|c| c.0.parse::<f64>().unwrap() > 0.0)
+        .collect();
+    assert!(closed.len() > 6, "{measured:?}");
+    assert!(closed.iter().all(|c| c.1.parse::<f64>().unwrap() > 0.0));
 }
 
 #[test]
