@@ -91,14 +91,13 @@ impl TrainingData {
             .enumerate()
             .map(|(i, source)| {
                 let is_validated = i % every == 0;
-                let learned = if is_validated && args.hold_out > 0 {
-                    Vec::new()
+                let (learned, object) = if is_validated && args.hold_out > 0 {
+                    (Vec::new(), context.object(source)?)
                 } else {
                     context.learned(source, preset, teacher.as_ref())?
                 };
-                let object = is_validated.then(|| context.object(source)).transpose()?;
                 bar.inc(1);
-                Ok((learned, object))
+                Ok((learned, is_validated.then_some(object)))
             })
             .collect::<Result<_, Failure>>()?;
         bar.finish_and_clear();
@@ -121,14 +120,14 @@ impl TrainingData {
                 protocol.name
             )
         } else {
+            let held_out = if args.hold_out > 0 {
+                validation.iter().flatten().count()
+            } else {
+                0
+            };
             format!(
                 "{} ACRONYM files, successful grasps",
-                sources.len()
-                    - if args.hold_out > 0 {
-                        sources.len().div_ceil(every)
-                    } else {
-                        0
-                    }
+                sources.len() - held_out
             )
         };
         if args.stretched > 0 {
@@ -170,13 +169,13 @@ impl Context<'_> {
         }
     }
 
-    /// What a source teaches: its object and the stretched copies of it.
+    /// What a source teaches, by its object and the stretched copies of it; and that object.
     fn learned(
         &self,
         source: &Source,
         preset: &Preset,
         teacher: Option<&Teacher>,
-    ) -> Result<Vec<TrainingObject>, Failure> {
+    ) -> Result<(Vec<TrainingObject>, Object), Failure> {
         let (object, good) = self.good_grasps(source)?;
         let mut learned = vec![self.one(&object, &good, preset, teacher)?];
         for index in 0..self.args.stretched {
@@ -189,7 +188,7 @@ impl Context<'_> {
             let carried = self.likely(&copy, carried, least)?;
             learned.push(self.one(&copy, &carried, preset, teacher)?);
         }
-        Ok(learned)
+        Ok((learned, object))
     }
 
     fn one(

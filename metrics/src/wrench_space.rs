@@ -51,13 +51,18 @@ impl Default for Friction {
 /// Analytic quality of a grasp.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WrenchQuality {
-    /// Is every small wrench resisted?
-    pub force_closure: bool,
     /// Ferrari-Canny epsilon: the smallest wrench that breaks the grasp, per newton of summed
     /// normal force; 0 without force closure.
     pub epsilon: f64,
     /// Volume of the wrench space, same units to the sixth power.
     pub volume: f64,
+}
+
+impl WrenchQuality {
+    /// Is every small wrench resisted?
+    pub fn force_closure(&self) -> bool {
+        self.epsilon > 0.0
+    }
 }
 
 /// The quality of some contacts on an object whose centre of mass lies at `com_m` (hand frame) and
@@ -96,10 +101,8 @@ pub fn quality(
     let Some(hull) = Polytope::hull(&wrenches) else {
         return WrenchQuality::default();
     };
-    let epsilon = hull.ball();
     WrenchQuality {
-        force_closure: epsilon > 0.0,
-        epsilon: epsilon.max(0.0),
+        epsilon: hull.ball().max(0.0),
         volume: hull.volume(),
     }
 }
@@ -181,10 +184,10 @@ mod tests {
     fn two_soft_fingers_close_on_parallel_faces_and_two_hard_ones_do_not() {
         let contacts = pair(0.02, 0.0);
         let soft = of(&contacts, 0.5, 0.005);
-        assert!(soft.force_closure && soft.epsilon > 0.0 && soft.volume > 0.0);
+        assert!(soft.force_closure() && soft.epsilon > 0.0 && soft.volume > 0.0);
         // Without torsion nothing resists a turn about the line between the contacts.
         let hard = of(&contacts, 0.5, 0.0);
-        assert!(!hard.force_closure && hard.epsilon == 0.0);
+        assert!(!hard.force_closure() && hard.epsilon == 0.0);
     }
 
     #[test]
@@ -199,8 +202,8 @@ mod tests {
     fn the_cone_decides_how_steep_faces_may_be() {
         // Nguyen's condition: the line between the contacts lies in both friction cones.
         let mu: f64 = 0.5;
-        assert!(of(&pair(0.02, 0.8 * mu.atan()), mu, 0.005).force_closure);
-        assert!(!of(&pair(0.02, 1.2 * mu.atan()), mu, 0.005).force_closure);
+        assert!(of(&pair(0.02, 0.8 * mu.atan()), mu, 0.005).force_closure());
+        assert!(!of(&pair(0.02, 1.2 * mu.atan()), mu, 0.005).force_closure());
     }
 
     #[test]

@@ -1,13 +1,15 @@
 //! From what Python passes to what the crates take.
 
+use std::array::from_fn;
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Isometry3;
 use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::create_exception;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shakedown_gripper_assets::HandFrame;
+use shakedown_gripper_assets::grasp::{pose_of_matrix, pose_of_quaternion};
 use shakedown_objects::{Object, ObjectSpec};
 
 create_exception!(
@@ -22,9 +24,6 @@ pub fn raised(error: impl std::fmt::Display) -> PyErr {
     ShakedownError::new_err(error.to_string())
 }
 
-/// Rotations may be off by this much, as the readers of grasp files allow.
-const TOLERANCE: f64 = 1e-3;
-
 /// `object_from_hand` in the ACRONYM frame from an array `(N, 4, 4)` or `(N, 7)` (x, y, z, qx, qy,
 /// qz, qw) of poses of `frame`.
 pub fn poses(
@@ -35,9 +34,11 @@ pub fn poses(
     let frame: HandFrame = frame.parse().map_err(raised)?;
     let view = array.as_array();
     let numbers: Vec<f64> = view.iter().copied().collect();
-    let read: fn(&[f64]) -> Result<Isometry3<f64>, String> = match array.shape() {
-        [_, 4, 4] => from_matrix,
-        [_, 7] => from_numbers,
+    // The readers of grasp files take the same numbers the same way.
+    type Read = fn(&[f64]) -> Result<(Isometry3<f64>, bool), String>;
+    let read: Read = match array.shape() {
+        [_, 4, 4] => |m| pose_of_matrix(&from_fn(|i| from_fn(|j| m[4 * i + j]))),
+        [_, 7] => |p| pose_of_quaternion(from_fn(|i| p[i]), from_fn(|i| p[3 + i])),
         other => {
             return Err(raised(format!(
                 "poses have the shape {other:?}; give (N, 4, 4) matrices or (N, 7) x, y, z, qx, qy, qz, qw"
@@ -49,10 +50,7 @@ pub fn poses(
         .chunks(width.max(1))
         .enumerate()
         .map(|(i, pose)| {
-            if !pose.iter().all(|x| x.is_finite()) {
-                return Err(raised(format!("pose {i} has a number that is not finite")));
-            }
-            let pose = read(pose).map_err(|what| raised(format!("pose {i}: {what}")))?;
+            let (pose, _) = read(pose).map_err(|what| raised(format!("pose {i}: {what}")))?;
             Ok(if frame == HandFrame::Acronym {
                 pose
             } else {
@@ -60,39 +58,6 @@ pub fn poses(
             })
         })
         .collect()
-}
-
-fn from_matrix(m: &[f64]) -> Result<Isometry3<f64>, String> {
-    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
-    let error = (rotation * rotation.transpose() - Matrix3::identity()).norm();
-    if error > TOLERANCE || rotation.determinant() < 0.0 {
-        return Err(format!(
-            "its 3 x 3 part is no rotation (off by {error:.1e})"
-        ));
-    }
-    let rotation = Rotation3::from_matrix_unchecked(rotation);
-    Ok(Isometry3::from_parts(
-        Translation3::new(m[3], m[7], m[11]),
-        UnitQuaternion::from_rotation_matrix(&rotation),
-    ))
-}
-
-/// A quaternion of unit length is taken bit by bit, so that a pose of `trials.csv` stays what it is.
-fn from_numbers(p: &[f64]) -> Result<Isometry3<f64>, String> {
-    let q = Quaternion::new(p[6], p[3], p[4], p[5]);
-    let off = (q.norm() - 1.0).abs();
-    if off > TOLERANCE {
-        return Err(format!("its quaternion has the length {}", q.norm()));
-    }
-    let rotation = if off < 1e-12 {
-        UnitQuaternion::new_unchecked(q)
-    } else {
-        UnitQuaternion::new_normalize(q)
-    };
-    Ok(Isometry3::from_parts(
-        Translation3::from(Vector3::new(p[0], p[1], p[2])),
-        rotation,
-    ))
 }
 
 /// What is said of an object beside its mesh file.

@@ -3,7 +3,7 @@
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use serde::{Deserialize, Serialize};
 use shakedown_metrics::Comparison;
-use shakedown_metrics::compare::{Pairing, Verdict};
+use shakedown_metrics::compare::{ObjectChange, Pairing, Verdict};
 
 use crate::results::{Metric, Results};
 use crate::table::{aligned, percent};
@@ -181,22 +181,13 @@ impl ComparisonReport {
             let rows: Vec<Vec<String>> = moved
                 .iter()
                 .map(|o| {
-                    vec![
-                        o.object.clone(),
-                        o.n_new.to_string(),
-                        percent(o.base),
-                        percent(o.new),
-                        points(o.difference),
-                        format!("[{}, {}]", points(o.ci95[0]), points(o.ci95[1])),
-                        o.p_holm.map_or_else(|| "-".into(), p_text),
-                        flips(&o.lost),
-                        flips(&o.won),
-                    ]
+                    let mut row = vec![o.object.clone()];
+                    row.extend(numbers(o));
+                    row.extend([flips(&o.lost), flips(&o.won)]);
+                    row
                 })
                 .collect();
-            let header = [
-                "object", "n", "base", "new", "points", "95 %", "p (Holm)", "lost", "won",
-            ];
+            let header = [&["object"], &NUMBERS[..], &["lost", "won"]].concat();
             out.push_str(&aligned(&header, &rows));
         }
         out
@@ -271,6 +262,21 @@ fn case(name: &str, failed: bool, text: &str) -> TestCase {
     };
     case.set_system_out(text);
     case
+}
+
+/// Names of [`numbers`].
+pub(crate) const NUMBERS: [&str; 6] = ["n", "base", "new", "points", "95 %", "p (Holm)"];
+
+/// The numbers of one object as cells of a table.
+pub(crate) fn numbers(o: &ObjectChange) -> [String; 6] {
+    [
+        o.n_new.to_string(),
+        percent(o.base),
+        percent(o.new),
+        points(o.difference),
+        format!("[{}, {}]", points(o.ci95[0]), points(o.ci95[1])),
+        o.p_holm.map_or_else(|| "-".into(), p_text),
+    ]
 }
 
 fn flips(grasps: &[u64]) -> String {

@@ -7,7 +7,7 @@ use shakedown_metrics::compare::{ObjectChange, Verdict};
 use super::chart::{change, escaped, table};
 use super::collect::Collected;
 use super::page::{VIEWER, document};
-use crate::comparison::{ComparisonReport, p_text, points};
+use crate::comparison::{ComparisonReport, NUMBERS, numbers, p_text, points};
 use crate::table::percent;
 
 /// Grasps that changed sides listed per object.
@@ -124,32 +124,17 @@ fn objects(report: &ComparisonReport, has_view: bool) -> String {
         .objects
         .iter()
         .map(|o| {
-            vec![
-                format!("<bdi>{}</bdi>", escaped(&o.object)),
-                o.n_new.to_string(),
-                percent(o.base),
-                percent(o.new),
-                points(o.difference),
-                format!("[{}, {}]", points(o.ci95[0]), points(o.ci95[1])),
-                o.p_holm.map_or_else(|| "-".into(), p_text),
-                change(o.base, o.new),
-                format!("<div class='flips'>{}</div>", flips(o, &o.lost, has_view)),
-                format!("<div class='flips'>{}</div>", flips(o, &o.won, has_view)),
-            ]
+            let mut row = vec![format!("<bdi>{}</bdi>", escaped(&o.object))];
+            row.extend(numbers(o));
+            row.push(change(o.base, o.new));
+            for grasps in [&o.lost, &o.won] {
+                let flips = flips(o, grasps, has_view);
+                row.push(format!("<div class='flips'>{flips}</div>"));
+            }
+            row
         })
         .collect();
-    let header = [
-        "object",
-        "n",
-        "base",
-        "new",
-        "points",
-        "95 %",
-        "p (Holm)",
-        "from o to dot",
-        "lost",
-        "won",
-    ];
+    let header = [&["object"], &NUMBERS[..], &["from o to dot", "lost", "won"]].concat();
     let table = table(&header, &rows).replacen("<table>", "<table class='sortable'>", 1);
     format!("<h2>Per object, the biggest movers first</h2>\n{table}")
 }
