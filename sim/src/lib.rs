@@ -10,18 +10,16 @@ use rapier3d as rapier;
 use rapier3d_f64 as rapier;
 
 mod approach;
-pub mod contact;
 mod convert;
-pub mod hand;
+mod grip;
 mod load;
 pub mod mjcf;
 pub mod outcome;
-mod patch;
 pub mod probe;
 pub mod protocol;
+mod rapier_engine;
 pub mod scene;
 pub mod shake;
-mod torsion;
 pub mod trace;
 pub mod trial;
 mod world;
@@ -31,7 +29,7 @@ pub use protocol::{Protocol, ProtocolError};
 pub use scene::{Scene, SceneError};
 pub use trace::{Frame, Trace};
 pub use trial::{run_trial, run_trial_traced};
-pub use world::ObjectLoad;
+pub use world::{FingerContact, FingerState, ObjectLoad};
 
 /// Version of the physics engine, part of every manifest.
 #[cfg(not(feature = "f64"))]

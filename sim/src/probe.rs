@@ -3,22 +3,20 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use crate::contact::FingerContact;
-use crate::hand::{Drive, FingerState};
 use crate::scene::Scene;
-use crate::world::{ObjectLoad, World};
+use crate::world::{Drive, FingerContact, FingerState, ObjectLoad, World, world};
 
 /// A trial that the caller steps.
 pub struct Probe<'a> {
     scene: &'a Scene,
-    world: World,
+    world: Box<dyn World>,
     start: Isometry3<f64>,
 }
 
 impl<'a> Probe<'a> {
     /// The hand stands at `object_from_hand`, open by `opening_m`, nothing has moved.
     pub fn new(scene: &'a Scene, object_from_hand: &Isometry3<f64>, opening_m: f64) -> Self {
-        let world = World::new(scene, object_from_hand, opening_m);
+        let world = world(scene, object_from_hand, opening_m);
         let start = world.hand_from_body().expect("starts at finite poses");
         Self {
             scene,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::rapier::math::{Pose, Real};
+use crate::rapier::parry::bounding_volume::Aabb;
 use crate::rapier::prelude::{MassProperties, SharedShape, TriMeshFlags};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use shakedown_gripper_assets::{Gripper, Part};
@@ -11,6 +12,7 @@ use shakedown_objects::pieces::{PieceSettings, decompose_cached};
 use shakedown_objects::{ConvexBody, Object, Surface};
 
 use crate::convert;
+use crate::grip::Cone;
 use crate::protocol::{ObjectContact, ObjectMass, Protocol};
 
 /// Corners of convex pieces.
@@ -64,6 +66,12 @@ pub struct Scene {
     pub(crate) pieces_m: Pieces,
     /// What the palm meets: always convex pieces, as nothing is gripped there.
     pub(crate) object_pieces: SharedShape,
+    /// The same pieces one by one.
+    pub(crate) piece_shapes: Vec<(Aabb, SharedShape)>,
+    /// Which contact normals each triangle allows; none if the fingers meet pieces.
+    pub(crate) pseudo_normals: Option<Vec<Option<Cone>>>,
+    /// Distance of the farthest point of the object from its centre of mass.
+    pub(crate) radius_m: f64,
     /// Convex parts, each a collider of its own: parry mends the contacts of a triangle surface at
     /// its internal edges against a convex shape, but not against a compound.
     pub(crate) palm_shapes: Vec<(Pose, SharedShape)>,
@@ -107,6 +115,21 @@ impl Scene {
                 part: name.to_owned(),
             })
         };
+        let piece_shapes = pieces_m
+            .iter()
+            .filter_map(|piece| convex(piece))
+            .map(|shape| (shape.compute_local_aabb(), shape))
+            .collect();
+        let pseudo_normals = object_shape.as_trimesh().map(|mesh| {
+            (0..mesh.num_triangles() as u32)
+                .map(|i| mesh.triangle_normal_constraints(i).map(|n| Cone::new(&n)))
+                .collect()
+        });
+        let vertices = object.surface.mesh().vertices();
+        let radius_m = vertices
+            .iter()
+            .map(|v| (v - com_m).norm())
+            .fold(0.0, f64::max);
         let opening_max_m = gripper.opening_max_m;
         let hand = gripper
             .parts_at(opening_max_m)
@@ -142,6 +165,9 @@ impl Scene {
             object_inertia_kg_m2: mass.inertia_kg_m2,
             object_shape,
             object_pieces,
+            piece_shapes,
+            pseudo_normals,
+            radius_m,
             pieces_m,
             palm_shapes: shapes(&gripper.palm, 0.0)?,
             finger_shapes: shapes(&gripper.finger, protocol.finger_edge_m)?,

@@ -4,13 +4,12 @@ use nalgebra::{Isometry3, Translation3, Vector3};
 use shakedown_objects::penetration::penetration_m;
 
 use crate::approach::start_opening_m;
-use crate::hand::Drive;
 use crate::load::{Phase, groups};
 use crate::outcome::{Label, Outcome, Stage};
 use crate::protocol::{SlipReference, SuccessRule};
 use crate::scene::Scene;
 use crate::trace::{Frame, TRACE_HZ, Trace};
-use crate::world::{ObjectLoad, World};
+use crate::world::{Drive, ObjectLoad, World, world};
 
 /// The fingers rest when both are slower than this, m/s.
 const REST_SPEED_M_S: f64 = 0.001;
@@ -30,7 +29,7 @@ pub fn run_trial_traced(scene: &Scene, object_from_hand: &Isometry3<f64>) -> (Ou
 struct Trial<'a> {
     scene: &'a Scene,
     object_from_hand: Isometry3<f64>,
-    world: World,
+    world: Box<dyn World>,
     drive: Drive,
     outcome: Outcome,
     last_touch_s: f64,
@@ -334,9 +333,9 @@ impl<'a> Trial<'a> {
     }
 }
 
-fn fresh_world(scene: &Scene, object_from_hand: &Isometry3<f64>) -> World {
+fn fresh_world(scene: &Scene, object_from_hand: &Isometry3<f64>) -> Box<dyn World> {
     let opening_m = start_opening_m(scene, object_from_hand);
-    World::new(scene, object_from_hand, opening_m)
+    world(scene, object_from_hand, opening_m)
 }
 
 /// Distance and angle between two poses.

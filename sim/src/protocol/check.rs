@@ -27,6 +27,8 @@ impl Protocol {
             ("hardness_growth", self.hardness_growth),
             ("hardness_max_g", self.hardness_max_g),
             ("origin_distance_max_m", self.origin_distance_max_m),
+            ("solver.pad_stiffness_n_m", s.pad_stiffness_n_m),
+            ("solver.pad_shear_stiffness_n_m", s.pad_shear_stiffness_n_m),
             ("solver.contact_hz", s.contact_hz),
             ("solver.contact_damping_ratio", s.contact_damping_ratio),
             ("solver.patch_scale", s.patch_scale),
@@ -69,6 +71,8 @@ impl Protocol {
             ("hold_s", self.hold_s),
             ("initial_penetration_max_m", self.initial_penetration_max_m),
             ("solver.coupling_hz", s.coupling_hz),
+            ("solver.pad_relaxation_s", s.pad_relaxation_s),
+            ("solver.contact_reuse_m", s.contact_reuse_m),
         ];
         for (key, value) in not_negative {
             if !(value.is_finite() && value >= 0.0) {
@@ -96,9 +100,9 @@ impl Protocol {
                 self.dt_s
             ));
         }
-        if s.iterations == 0 || s.piece_resolution < 8 || s.piece_max == 0 {
+        if s.iterations == 0 || s.substeps == 0 || s.piece_resolution < 8 || s.piece_max == 0 {
             return Err(
-                "solver.iterations and solver.piece_max need at least 1, solver.piece_resolution 8"
+                "solver.substeps, solver.iterations and solver.piece_max need at least 1, solver.piece_resolution 8"
                     .into(),
             );
         }

@@ -88,6 +88,16 @@ pub enum ObjectContact {
     Surface,
 }
 
+/// Who computes the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Engine {
+    /// Our own, made for a gripped object: eight coordinates, soft pads, one exact solve a step.
+    Grip,
+    /// rapier3d, general and ten times dearer: the second opinion.
+    Rapier,
+}
+
 /// Every constant of a trial; `docs/protocols.md` explains each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -233,9 +243,21 @@ pub struct Protocol {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Solver {
+    /// Who computes the motion.
+    pub engine: Engine,
     /// What the fingers touch.
     pub object_contact: ObjectContact,
-    /// Solver iterations (substeps) per step.
+    /// `grip`: substeps of a step.
+    pub substeps: u32,
+    /// `grip`: stiffness of a pad at one point of contact, N/m.
+    pub pad_stiffness_n_m: f64,
+    /// `grip`: stiffness of a patch of contact against sliding, N/m.
+    pub pad_shear_stiffness_n_m: f64,
+    /// `grip`: relaxation time of the pads, damping over stiffness, s.
+    pub pad_relaxation_s: f64,
+    /// `grip`: contacts are found anew when hand and object have moved so far against each other, m.
+    pub contact_reuse_m: f64,
+    /// `rapier`: solver iterations (substeps) per step.
     pub iterations: usize,
     /// Stiffness of contacts as a frequency, Hz.
     pub contact_hz: f64,

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use crate::contact::FingerContact;
+use crate::world::FingerContact;
 
 /// State of the torsional bristles of both fingers.
 #[derive(Debug, Clone, Copy)]

@@ -13,8 +13,8 @@ use crate::rapier::prelude::{
 };
 use nalgebra::{Isometry3, Point3};
 
-use crate::contact::FingerContact;
 use crate::convert;
+use crate::world::FingerContact;
 
 /// Share of the way to the measured centre that the patch's centre goes in a step: the measured
 /// one overshoots by 1 / scale, as forces at drawn-in points must give the same moment.

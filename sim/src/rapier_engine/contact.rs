@@ -5,27 +5,10 @@ use crate::rapier::prelude::{ColliderHandle, ContactData, ContactManifold, Physi
 use nalgebra::{Point3, Vector3};
 
 use crate::convert;
+use crate::world::FingerContact;
 
 /// The engine's mark of a contact that is new in this step, in the id of a solver contact.
 const NEW_CONTACT: u32 = 1 << 31;
-
-/// Contact of one finger with the object in the last step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FingerContact {
-    /// Sum of the normal forces, N, as a vector on the object in world axes.
-    pub force_n: Vector3<f64>,
-    /// Does any point press?
-    pub touches: bool,
-    /// Centre of pressure in the world, metres; only meaningful where it touches.
-    pub centre_m: Point3<f64>,
-}
-
-/// No contact.
-pub(crate) const NONE: FingerContact = FingerContact {
-    force_n: Vector3::new(0.0, 0.0, 0.0),
-    touches: false,
-    centre_m: Point3::new(0.0, 0.0, 0.0),
-};
 
 /// Reads the contact between a finger's colliders and the object. Impulses are those of the solver,
 /// so the manifolds it saw count, not the raw ones.

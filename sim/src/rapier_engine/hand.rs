@@ -6,22 +6,7 @@ use nalgebra::Vector3;
 
 use crate::convert;
 use crate::protocol::Solver;
-
-/// State of the fingers seen from the palm: distance of each pad from the axis, and its rate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FingerState {
-    /// Left (+x) and right (-x), metres.
-    pub position_m: [f64; 2],
-    /// Outward speeds, m/s.
-    pub speed_m_s: [f64; 2],
-}
-
-impl FingerState {
-    /// Distance between the pads, metres.
-    pub fn width_m(&self) -> f64 {
-        self.position_m[0] + self.position_m[1]
-    }
-}
+use crate::world::{Drive, FingerState};
 
 /// Reads the fingers relative to the palm.
 pub(crate) fn read(
@@ -47,15 +32,6 @@ pub(crate) fn read(
         state.speed_m_s[i] = sign * closing_axis.dot(&relative);
     }
     state
-}
-
-/// What the fingers are told to do.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Drive {
-    /// Force of each finger inwards, N.
-    pub force_n: f64,
-    /// Positions of the pads that a spring holds, and its stiffness and damping.
-    pub hold: Option<([f64; 2], f64, f64)>,
 }
 
 /// Sets the forces of the next step: inwards on each finger, plus the coupling.

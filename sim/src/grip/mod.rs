@@ -1,0 +1,391 @@
+//! Our own engine for one question: what does a gripped object do in a parallel-jaw hand?
+//!
+//! Eight coordinates: six of the object, in the frame of the hand, and two of the fingers. The hand
+//! moves as told, so its shake enters as the change of the object's velocity seen from the hand.
+//! Contact is between the parts of the hand and the object's true triangles; it is found anew only
+//! when hand and object have moved against each other. Each substep is one implicit Euler step whose
+//! equations are solved to the end (`solve`).
+
+mod box_triangle;
+mod contact;
+mod patch;
+mod solve;
+
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+
+use crate::scene::Scene;
+use crate::world::{Drive, FingerContact, FingerState, ObjectLoad, World};
+pub(crate) use box_triangle::Cone;
+use contact::Finder;
+use patch::Patches;
+use solve::{Matrix8, Pads, Solver, Vector8, dot};
+
+/// Patches follow their centre of pressure when it has moved so far, metres.
+const FOLLOW_M: f64 = 1e-5;
+/// Moments of inertia follow the object when it has turned so far, radians.
+const TURN_RAD: f64 = 1e-3;
+/// Mass of an object that is held where it is, in multiples of its own.
+const FROZEN: f64 = 1e9;
+
+/// The changing state of one trial.
+pub(crate) struct GripWorld {
+    world_from_hand: Isometry3<f64>,
+    /// Velocity of the hand along its closing axis in the last step, m/s.
+    hand_speed_m_s: f64,
+    /// Pose of the object's centre of mass.
+    hand_from_body: Isometry3<f64>,
+    /// Absolute velocity and angular momentum of the object, axes of the hand.
+    velocity_m_s: Vector3<f64>,
+    spin_kg_m2_s: Vector3<f64>,
+    finger_m: [f64; 2],
+    finger_m_s: [f64; 2],
+    opening_max_m: f64,
+    pads: Pads,
+    gravity_m_s2: Vector3<f64>,
+    object_damping_1_s: f64,
+    finger_damping_1_s: f64,
+    is_frozen: bool,
+    has_hand: bool,
+    finder: Finder,
+    contacts: Patches,
+    solver: Solver,
+    /// The last solution, where the next search starts.
+    relative: Vector8,
+    /// Object and fingers when contacts were last found.
+    found: Option<(Isometry3<f64>, [f64; 2])>,
+    inertia_kg_m2: Matrix3<f64>,
+    inertia_of: UnitQuaternion<f64>,
+    mass_of: Option<(f64, f64, f64, bool, bool)>,
+    mass: Matrix8,
+    touch: [FingerContact; 2],
+    body_from_object: Isometry3<f64>,
+}
+
+impl GripWorld {
+    pub(crate) fn new(scene: &Scene, object_from_hand: &Isometry3<f64>, opening_m: f64) -> Self {
+        let p = &scene.protocol;
+        let object_from_body = scene.object_from_body();
+        let hand_from_body = object_from_hand.inverse() * object_from_body;
+        Self {
+            world_from_hand: Isometry3::identity(),
+            hand_speed_m_s: 0.0,
+            hand_from_body,
+            velocity_m_s: Vector3::zeros(),
+            spin_kg_m2_s: Vector3::zeros(),
+            finger_m: [opening_m / 2.0; 2],
+            finger_m_s: [-p.closing_speed_m_s; 2],
+            opening_max_m: scene.opening_max_m,
+            pads: Pads {
+                stiffness_n_m: p.solver.pad_stiffness_n_m,
+                shear_stiffness_n_m: p.solver.pad_shear_stiffness_n_m,
+                relaxation_s: p.solver.pad_relaxation_s,
+                friction: scene.friction * p.closing_friction_scale,
+            },
+            gravity_m_s2: Vector3::zeros(),
+            object_damping_1_s: p.object_damping_1_s,
+            finger_damping_1_s: 0.0,
+            is_frozen: false,
+            has_hand: true,
+            finder: Finder::new(scene),
+            contacts: Patches::default(),
+            solver: Solver::new(),
+            relative: Vector8::zeros(),
+            found: None,
+            inertia_kg_m2: inertia(scene, &hand_from_body.rotation),
+            inertia_of: hand_from_body.rotation,
+            mass_of: None,
+            mass: Matrix8::zeros(),
+            touch: [FingerContact::NONE; 2],
+            body_from_object: object_from_body.inverse(),
+        }
+    }
+
+    /// Finds contacts anew if hand and object have moved against each other.
+    fn look(&mut self, scene: &Scene) {
+        if !self.has_hand {
+            self.contacts.points.clear();
+            self.contacts.patches.clear();
+            return;
+        }
+        if let Some((pose, finger_m)) = &self.found {
+            let shift = (self.hand_from_body.translation.vector - pose.translation.vector).norm();
+            let turn = self.hand_from_body.rotation.angle_to(&pose.rotation);
+            let slide = (0..2)
+                .map(|i| (self.finger_m[i] - finger_m[i]).abs())
+                .fold(0.0, f64::max);
+            let moved_m = shift + turn * scene.radius_m + slide;
+            if moved_m <= scene.protocol.solver.contact_reuse_m {
+                return;
+            }
+        }
+        self.finder
+            .find(scene, &self.hand_from_body, &self.finger_m);
+        let com = self.hand_from_body.translation.vector;
+        self.contacts.group(&self.finder.spots, &com);
+        self.found = Some((self.hand_from_body, self.finger_m));
+        self.solver.forget();
+    }
+
+    /// Masses with everything that acts on them by its velocity, for substeps of `h`.
+    fn set_mass(&mut self, scene: &Scene, hold: (f64, f64), h: f64) {
+        let turned = self.hand_from_body.rotation.angle_to(&self.inertia_of) > TURN_RAD;
+        if turned {
+            self.inertia_of = self.hand_from_body.rotation;
+            self.inertia_kg_m2 = inertia(scene, &self.inertia_of);
+        }
+        let key = (
+            self.object_damping_1_s,
+            self.finger_damping_1_s,
+            hold.0,
+            self.is_frozen,
+            hold.1 > 0.0,
+        );
+        if !turned && self.mass_of == Some(key) {
+            return;
+        }
+        self.mass_of = Some(key);
+        self.solver.forget();
+        let s = &scene.protocol.solver;
+        let slowed = 1.0 + h * self.object_damping_1_s;
+        let own = if self.is_frozen { FROZEN } else { 1.0 };
+        let mut mass = Matrix8::zeros();
+        for i in 0..3 {
+            mass[(i, i)] = scene.mass_kg * slowed * own;
+        }
+        let inertia = self.inertia_kg_m2 * slowed * own;
+        mass.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
+        let omega = std::f64::consts::TAU * s.coupling_hz;
+        let coupling = h * s.finger_mass_kg * (omega * omega * h + 2.0 * omega) / 2.0;
+        let finger = s.finger_mass_kg * (1.0 + h * self.finger_damping_1_s)
+            + h * (hold.0 * h + hold.1)
+            + coupling;
+        mass[(6, 6)] = finger;
+        mass[(7, 7)] = finger;
+        mass[(6, 7)] = -coupling;
+        mass[(7, 6)] = -coupling;
+        self.mass = mass;
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn substep(
+        &mut self,
+        scene: &Scene,
+        hand_m_s: &Vector3<f64>,
+        hand_rad_s: &Vector3<f64>,
+        drive: &Drive,
+        force_n: &Vector3<f64>,
+        torque_n_m: &Vector3<f64>,
+        h: f64,
+    ) {
+        let s = &scene.protocol.solver;
+        let hold = drive.hold.map_or((0.0, 0.0), |(_, k, c)| (k, c));
+        self.set_mass(scene, hold, h);
+        let com = self.hand_from_body.translation.vector;
+        let carried = hand_m_s + hand_rad_s.cross(&com);
+        let damped = 1.0 + h * self.object_damping_1_s;
+        let inverse = self.inertia_kg_m2.try_inverse().expect("a solid body");
+        let v = self.velocity_m_s - carried;
+        let w = inverse * self.spin_kg_m2_s - hand_rad_s;
+        let mut push = Vector8::zeros();
+        let linear = v * scene.mass_kg + force_n * h;
+        let angular = self.inertia_kg_m2 * w + torque_n_m * h;
+        // Damping pulls towards rest in the world, which only counts while the hand stands still.
+        let _ = damped;
+        push.fixed_rows_mut::<3>(0).copy_from(&linear);
+        push.fixed_rows_mut::<3>(3).copy_from(&angular);
+        let omega = std::f64::consts::TAU * s.coupling_hz;
+        let shift_m = (self.finger_m[0] - self.finger_m[1]) / 2.0;
+        let centring = h * s.finger_mass_kg * omega * omega * shift_m;
+        for (i, sign) in [1.0, -1.0].into_iter().enumerate() {
+            let spring = drive
+                .hold
+                .map_or(0.0, |(rest_m, k, _)| k * (rest_m[i] - self.finger_m[i]));
+            push[6 + i] = s.finger_mass_kg * self.finger_m_s[i] + h * (spring - drive.force_n)
+                - sign * centring;
+        }
+        if self.is_frozen {
+            push.fixed_rows_mut::<6>(0).fill(0.0);
+        }
+        let mut u = self.relative;
+        self.solver
+            .solve(&self.mass, &push, &mut self.contacts, &self.pads, h, &mut u);
+        self.relative = u;
+        if std::env::var("DBG").is_ok() {
+            let active = self.contacts.points.iter().filter(|p| p.force_n > 0.0).count();
+            let deep = self.contacts.points.iter().map(|p| p.depth_m).fold(-1.0, f64::max);
+            eprintln!("it {} pts {} act {} deep {:.5} patches {} |v| {:.4} |w| {:.4} q {:?} qd {:.3} {:.3} F {:?}", self.solver.iterations, self.contacts.points.len(), active, deep, self.contacts.patches.len(), v_norm(&u,0), v_norm(&u,3), self.finger_m, u[6],u[7], self.contacts.patches.iter().map(|p| (p.solid, p.normal.x, self.contacts.points[p.first..p.last].iter().map(|q| q.force_n).sum::<f64>())).collect::<Vec<_>>());
+            self.solver.iterations=0;
+        }
+        let pressed = self.contacts.points.iter().any(|p| p.force_n > 0.0);
+        let (v_end, w_end) = (
+            u.fixed_rows::<3>(0).into_owned(),
+            u.fixed_rows::<3>(3).into_owned(),
+        );
+        // Nothing presses: the forces are constant and the fall is exact.
+        let v_way = if pressed { v_end } else { (v + v_end) / 2.0 };
+        self.hand_from_body.translation.vector += v_way * h;
+        self.hand_from_body.rotation =
+            UnitQuaternion::from_scaled_axis(w_end * h) * self.hand_from_body.rotation;
+        for i in 0..2 {
+            self.finger_m[i] += u[6 + i] * h;
+            self.finger_m_s[i] = u[6 + i];
+            let limited = self.finger_m[i].clamp(0.0, self.opening_max_m / 2.0);
+            if limited != self.finger_m[i] {
+                self.finger_m[i] = limited;
+                self.finger_m_s[i] = 0.0;
+            }
+        }
+        self.velocity_m_s = v_end + carried;
+        self.spin_kg_m2_s = self.inertia_kg_m2 * (w_end + hand_rad_s);
+        for point in &mut self.contacts.points {
+            point.depth_m -= h * dot(&point.row, &u);
+        }
+        for patch in &mut self.contacts.patches {
+            let limit_m = patch.limit_n / self.pads.shear_stiffness_n_m;
+            for a in 0..3 {
+                patch.bent_m[a] += h * dot(&patch.rows[a], &u);
+            }
+            let size = patch.bent_m.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if size > limit_m {
+                patch.bent_m = patch.bent_m.map(|x| x * limit_m / size);
+            }
+        }
+    }
+
+    /// Sums up what each finger does to the object.
+    fn feel(&mut self) {
+        for (i, touch) in self.touch.iter_mut().enumerate() {
+            let (mut force_n, mut moment, mut total) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+            for patch in self.contacts.patches.iter().filter(|p| p.solid == i) {
+                for point in &self.contacts.points[patch.first..patch.last] {
+                    force_n += point.normal * point.force_n;
+                    moment += point.at * point.force_n;
+                    total += point.force_n;
+                }
+            }
+            let centre = Point3::from(moment / f64::max(total, 1e-12));
+            *touch = FingerContact {
+                force_n: self.world_from_hand.rotation * force_n,
+                touches: total > 0.0,
+                centre_m: self.world_from_hand * centre,
+            };
+        }
+    }
+}
+
+impl World for GripWorld {
+    fn freeze(&mut self, is_frozen: bool) {
+        self.is_frozen = is_frozen;
+    }
+
+    fn limit_speed(&mut self, scene: &Scene, force_n: f64, speed_m_s: f64) {
+        self.finger_damping_1_s = force_n / (scene.protocol.solver.finger_mass_kg * speed_m_s);
+    }
+
+    fn release(&mut self, gravity_m_s2: &Vector3<f64>, friction: f64) {
+        self.pads.friction = friction;
+        self.object_damping_1_s = 0.0;
+        self.gravity_m_s2 = *gravity_m_s2;
+    }
+
+    fn step(
+        &mut self,
+        scene: &Scene,
+        world_from_hand: &Isometry3<f64>,
+        drive: &Drive,
+        load: &ObjectLoad,
+    ) {
+        let solver = &scene.protocol.solver;
+        let dt_s = scene.protocol.dt_s;
+        self.look(scene);
+        let turn = self.world_from_hand.rotation.inverse() * world_from_hand.rotation;
+        let hand_rad_s = turn.scaled_axis() / dt_s;
+        let way = world_from_hand.translation.vector - self.world_from_hand.translation.vector;
+        let half = UnitQuaternion::from_scaled_axis(hand_rad_s * (dt_s / 2.0));
+        let middle = self.world_from_hand.rotation * half;
+        let hand_m_s = middle.inverse_transform_vector(&(way / dt_s));
+        // The hand drags its fingers along.
+        let jump = hand_m_s.x - self.hand_speed_m_s;
+        self.hand_speed_m_s = hand_m_s.x;
+        self.finger_m_s[0] -= jump;
+        self.finger_m_s[1] += jump;
+        let force = load.force_n + self.gravity_m_s2 * scene.mass_kg;
+        let force_n = middle.inverse_transform_vector(&force);
+        let torque_n_m = middle.inverse_transform_vector(&load.torque_n_m);
+        let h = dt_s / f64::from(solver.substeps);
+        let back = UnitQuaternion::from_scaled_axis(-hand_rad_s * h);
+        for _ in 0..solver.substeps {
+            // Absolute velocities keep their direction while the hand's axes turn.
+            self.velocity_m_s = back * self.velocity_m_s;
+            self.spin_kg_m2_s = back * self.spin_kg_m2_s;
+            self.substep(
+                scene,
+                &hand_m_s,
+                &hand_rad_s,
+                drive,
+                &force_n,
+                &torque_n_m,
+                h,
+            );
+        }
+        let com = self.hand_from_body.translation.vector;
+        let moved = self.contacts.follow(
+            &com,
+            solver.patch_scale,
+            scene.protocol.friction_torsional_m,
+            FOLLOW_M,
+        );
+        if moved {
+            self.solver.forget();
+        }
+        self.world_from_hand = *world_from_hand;
+        self.feel();
+    }
+
+    fn contacts(&self) -> [FingerContact; 2] {
+        self.touch
+    }
+
+    fn remove_hand(&mut self) {
+        self.has_hand = false;
+    }
+
+    fn momentum(&self, scene: &Scene) -> (Vector3<f64>, Vector3<f64>) {
+        let turn = self.world_from_hand.rotation;
+        (
+            turn * self.velocity_m_s * scene.mass_kg,
+            turn * self.spin_kg_m2_s,
+        )
+    }
+
+    fn fingers(&self) -> FingerState {
+        FingerState {
+            position_m: self.finger_m,
+            speed_m_s: self.finger_m_s,
+        }
+    }
+
+    fn world_from_hand(&self) -> Isometry3<f64> {
+        self.world_from_hand
+    }
+
+    fn hand_from_body(&self) -> Option<Isometry3<f64>> {
+        let pose = &self.hand_from_body;
+        let t = pose.translation.vector;
+        let is_finite =
+            t.iter().all(|x| x.is_finite()) && pose.rotation.coords.iter().all(|x| x.is_finite());
+        (is_finite && t.norm() <= 10.0).then_some(*pose)
+    }
+
+    fn world_from_object(&self) -> Isometry3<f64> {
+        self.world_from_hand * self.hand_from_body * self.body_from_object
+    }
+}
+
+/// Moments of inertia about the centre of mass, axes of the hand.
+fn inertia(scene: &Scene, hand_from_body: &UnitQuaternion<f64>) -> Matrix3<f64> {
+    let turn = hand_from_body.to_rotation_matrix();
+    turn * scene.object_inertia_kg_m2 * turn.inverse()
+}
+
+fn v_norm(u: &Vector8, i: usize) -> f64 { (u[i]*u[i]+u[i+1]*u[i+1]+u[i+2]*u[i+2]).sqrt() }
