@@ -33,9 +33,6 @@ impl Cone {
     /// The nearest direction allowed; none for one that points into the surface.
     fn nearest(&self, direction: &Vector3<f32>) -> Option<Vector3<f32>> {
         let along = direction.dot(&self.face);
-        if along < 0.0 {
-            return None;
-        }
         let dots = self.edges.map(|e| e.dot(direction));
         let mut best = 0;
         for i in 1..3 {
@@ -47,6 +44,9 @@ impl Cone {
         let cos = self.face.dot(edge);
         if along >= 2.0 * cos * cos - 1.0 {
             return Some(*direction);
+        }
+        if along < 0.0 {
+            return None;
         }
         let aside = direction - self.face * along;
         let length = aside.norm();
