@@ -11,7 +11,7 @@ use shakedown_objects::surface::{LANES, Lanes};
 use super::box_triangle::{Cone, Meeting, meet};
 use crate::convert;
 use crate::rapier::math::{Pose, Vector};
-use crate::rapier::parry::bounding_volume::BoundingVolume;
+use crate::rapier::parry::bounding_volume::{Aabb, BoundingVolume};
 use crate::rapier::parry::query::{
     ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher,
 };
@@ -40,6 +40,8 @@ struct HandPart {
     /// With closed fingers.
     hand_from_part: Isometry3<f64>,
     shape: SharedShape,
+    /// Its box, own frame.
+    local: Aabb,
     /// Of its box around, hand frame, with closed fingers.
     min: Vector3<f32>,
     max: Vector3<f32>,
@@ -96,6 +98,7 @@ impl Finder {
                     half,
                     hand_from_part,
                     shape: shape.clone(),
+                    local: shape.compute_local_aabb(),
                     min: corner(aabb.mins),
                     max: corner(aabb.maxs),
                 });
@@ -225,12 +228,13 @@ impl Finder {
             let hand_from_part = Translation3::from(shift) * part.hand_from_part;
             let hand_from_part = convert::pose(&hand_from_part);
             let part_from_body = hand_from_part.inverse() * hand_from_body;
-            let near = part
-                .shape
-                .compute_aabb(&part_from_body.inverse())
-                .loosened(prediction as _);
+            let body_from_part = part_from_body.inverse();
+            let own = part.local.loosened(prediction as _);
+            let near = own.transform_by(&body_from_part);
             for (aabb, piece) in &scene.piece_shapes {
-                if !near.intersects(aabb) {
+                let apart = !near.intersects(aabb)
+                    || !own.intersects(&aabb.transform_by(&part_from_body));
+                if apart {
                     continue;
                 }
                 self.manifold.clear();

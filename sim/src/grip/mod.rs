@@ -24,6 +24,8 @@ use solve::{Matrix8, Pads, Solver, Vector8, dot};
 const FOLLOW_M: f64 = 1e-5;
 /// Moments of inertia follow the object when it has turned so far, radians.
 const TURN_RAD: f64 = 1e-3;
+/// Size of a patch of contact, metres.
+const PATCH_M: f64 = 0.01;
 /// Mass of an object that is held where it is, in multiples of its own.
 const FROZEN: f64 = 1e9;
 
@@ -107,16 +109,8 @@ impl GripWorld {
             self.contacts.patches.clear();
             return;
         }
-        if let Some((pose, finger_m)) = &self.found {
-            let shift = (self.hand_from_body.translation.vector - pose.translation.vector).norm();
-            let turn = self.hand_from_body.rotation.angle_to(&pose.rotation);
-            let slide = (0..2)
-                .map(|i| (self.finger_m[i] - finger_m[i]).abs())
-                .fold(0.0, f64::max);
-            let moved_m = shift + turn * scene.radius_m + slide;
-            if moved_m <= scene.protocol.solver.contact_reuse_m {
-                return;
-            }
+        if self.is_still_good(scene) {
+            return;
         }
         self.finder
             .find(scene, &self.hand_from_body, &self.finger_m);
@@ -124,6 +118,34 @@ impl GripWorld {
         self.contacts.group(&self.finder.spots, &com);
         self.found = Some((self.hand_from_body, self.finger_m));
         self.solver.forget();
+    }
+
+    /// Have hand and object hardly moved against each other where they touch, and nowhere so far
+    /// that something else could touch?
+    fn is_still_good(&self, scene: &Scene) -> bool {
+        let Some((pose, finger_m)) = &self.found else {
+            return false;
+        };
+        let s = &scene.protocol.solver;
+        let way = self.hand_from_body.translation.vector - pose.translation.vector;
+        let turn = (self.hand_from_body.rotation * pose.rotation.inverse()).scaled_axis();
+        let slide = [
+            self.finger_m[0] - finger_m[0],
+            finger_m[1] - self.finger_m[1],
+            0.0,
+        ];
+        let farthest_m = slide[0].abs().max(slide[1].abs());
+        let anywhere_m = way.norm() + turn.norm() * scene.radius_m + farthest_m;
+        if anywhere_m <= s.contact_reuse_m {
+            return true;
+        }
+        let first = pose.translation.vector;
+        anywhere_m <= s.prediction_m / 2.0
+            && self.contacts.patches.iter().all(|patch| {
+                let finger = Vector3::x() * slide[patch.solid];
+                let here = way + turn.cross(&(patch.centre - first)) - finger;
+                here.norm() + turn.norm() * PATCH_M <= s.contact_reuse_m
+            })
     }
 
     /// Masses with everything that acts on them by its velocity, for substeps of `h`.
@@ -210,12 +232,6 @@ impl GripWorld {
         self.solver
             .solve(&self.mass, &push, &mut self.contacts, &self.pads, h, &mut u);
         self.relative = u;
-        if std::env::var("DBG").is_ok() {
-            let active = self.contacts.points.iter().filter(|p| p.force_n > 0.0).count();
-            let deep = self.contacts.points.iter().map(|p| p.depth_m).fold(-1.0, f64::max);
-            eprintln!("it {} pts {} act {} deep {:.5} patches {} |v| {:.4} |w| {:.4} q {:?} qd {:.3} {:.3} F {:?}", self.solver.iterations, self.contacts.points.len(), active, deep, self.contacts.patches.len(), v_norm(&u,0), v_norm(&u,3), self.finger_m, u[6],u[7], self.contacts.patches.iter().map(|p| (p.solid, p.normal.x, self.contacts.points[p.first..p.last].iter().map(|q| q.force_n).sum::<f64>())).collect::<Vec<_>>());
-            self.solver.iterations=0;
-        }
         let pressed = self.contacts.points.iter().any(|p| p.force_n > 0.0);
         let (v_end, w_end) = (
             u.fixed_rows::<3>(0).into_owned(),
@@ -388,4 +404,3 @@ fn inertia(scene: &Scene, hand_from_body: &UnitQuaternion<f64>) -> Matrix3<f64> 
     turn * scene.object_inertia_kg_m2 * turn.inverse()
 }
 
-fn v_norm(u: &Vector8, i: usize) -> f64 { (u[i]*u[i]+u[i+1]*u[i+1]+u[i+2]*u[i+2]).sqrt() }

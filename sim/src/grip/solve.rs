@@ -108,11 +108,7 @@ impl Solver {
         let mut now = problem.at(contacts, u);
         for _ in 0..ITERATIONS {
             self.iterations += 1;
-            let fits = self.factor.is_some()
-                && !now.sliding
-                && self.pressing.len() == contacts.points.len()
-                && (self.pressing.iter().zip(&contacts.points)).all(|(was, p)| *was == (p.force_n > 0.0));
-            if !fits {
+            if now.sliding || self.factor.is_none() || !self.fits(contacts) {
                 self.factor = Some(self.matrix(problem, contacts, now.sliding));
                 self.factors += 1;
             }
@@ -132,12 +128,21 @@ impl Solver {
                 step *= 0.5;
                 halvings += 1;
             }
+            // While nothing slides and the same points press the equations are linear: solved.
+            let linear = halvings == 0 && !now.sliding && !next.sliding && self.fits(contacts);
             now = next;
-            if size < TOLERANCE_M_S {
+            if linear || size < TOLERANCE_M_S {
                 break;
             }
         }
         now.sliding
+    }
+
+    /// Do the points press that pressed in the matrix of the factor?
+    fn fits(&self, contacts: &Patches) -> bool {
+        self.pressing.len() == contacts.points.len()
+            && (self.pressing.iter().zip(&contacts.points))
+                .all(|(was, point)| *was == (point.force_n > 0.0))
     }
 
     /// The second derivative of the potential, factored.
