@@ -209,7 +209,9 @@ fn outline(
     kept[0] = deepest;
     let mut n = 1;
     for k in 0..DIRECTIONS {
-        let angle = std::f64::consts::TAU * k as f64 / DIRECTIONS as f64;
+        // Never along the sides of a pad, where both ends of a side would be equally far out and a
+        // hair would choose between them.
+        let angle = std::f64::consts::TAU * (k as f64 + 0.5) / DIRECTIONS as f64;
         let out = t1 * angle.cos() + t2 * angle.sin();
         let score = |i: usize| out.dot(&spots[i].at) + DEPTH_WEIGHT * spots[i].depth_m;
         let mut best = (f64::MIN, deepest);
