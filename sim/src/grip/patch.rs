@@ -15,7 +15,7 @@ const SAME_NORMAL: f64 = 0.966;
 /// Patches of a solid; more different normals than that do not fit on a finger.
 const PATCHES_OF_SOLID: usize = 4;
 /// Directions in which the outline of a patch is kept.
-const DIRECTIONS: usize = 8;
+const DIRECTIONS: usize = 16;
 /// A point of the outline may be so many times nearer to the middle if it is a length deeper.
 const DEPTH_WEIGHT: f64 = 50.0;
 
@@ -205,25 +205,13 @@ fn outline(
     let t1 = (side - normal * normal.dot(&side)).normalize();
     let t2 = normal.cross(&t1);
     let first = points.len();
-    let mut kept = [usize::MAX; DIRECTIONS + 1];
+    let mut kept = [usize::MAX; 64];
     kept[0] = deepest;
     let mut n = 1;
-    for k in 0..DIRECTIONS {
-        // Never along the sides of a pad, where both ends of a side would be equally far out and a
-        // hair would choose between them.
-        let angle = std::f64::consts::TAU * (k as f64 + 0.5) / DIRECTIONS as f64;
-        let out = t1 * angle.cos() + t2 * angle.sin();
-        let score = |i: usize| out.dot(&spots[i].at) + DEPTH_WEIGHT * spots[i].depth_m;
-        let mut best = (f64::MIN, deepest);
-        for &i in members {
-            let s = score(i);
-            if s > best.0 {
-                best = (s, i);
-            }
-        }
-        let near = |&j: &usize| (spots[j].at - spots[best.1].at).norm_squared() < 1e-8;
-        if !kept[..n].iter().any(near) {
-            kept[n] = best.1;
+    for &i in members {
+        let near = |&j: &usize| (spots[j].at - spots[i].at).norm_squared() < 1e-7;
+        if n < 64 && !kept[..n].iter().any(near) {
+            kept[n] = i;
             n += 1;
         }
     }
