@@ -82,7 +82,7 @@ impl Job<'_> {
         Ok(Manifest {
             contract: 1,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            engine: shakedown_sim::ENGINE.to_owned(),
+            engine: self.settings.protocol.engine().to_owned(),
             run_id: String::new(),
             protocol: constants.into(),
             classifier: serde_json::json!(self.settings.thresholds),

@@ -111,7 +111,7 @@ fn grasps_that_moved_are_compared_by_object() {
                 "--filter",
                 "box_0",
                 "--candidates",
-                "120",
+                "300",
                 "--out",
                 out,
                 "-q",

@@ -11,7 +11,7 @@ mod named;
 #[pymodule]
 fn _shakedown(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("engine", shakedown_sim::ENGINE)?;
+    module.add("engine", shakedown_sim::GRIP)?;
     module.add(
         "ShakedownError",
         module.py().get_type::<arguments::ShakedownError>(),

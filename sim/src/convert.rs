@@ -34,23 +34,39 @@ pub(crate) fn from_pose(p: &Pose) -> Isometry3<f64> {
     )
 }
 
-/// Mass properties about `com`, in the body frame. Principal axes are found in f64: a
-/// tensor of 1e-6 kg m2 has no digits to lose in f32.
-pub(crate) fn mass_properties(
-    com: &Point3<f64>,
-    mass_kg: f64,
-    inertia_kg_m2: &Matrix3<f64>,
-) -> MassProperties {
+/// The least principal moment of a real body as a share of the largest.
+const LEAST_MOMENT: f64 = 1e-4;
+
+/// Principal moments of inertia, none too small, and their axes. Found in f64: a tensor of
+/// 1e-6 kg m2 has no digits to lose in f32.
+fn principal(inertia_kg_m2: &Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
     let symmetric = (inertia_kg_m2 + inertia_kg_m2.transpose()) / 2.0;
     let mut eigen = symmetric.symmetric_eigen();
     if eigen.eigenvectors.determinant() < 0.0 {
         eigen.eigenvectors.swap_columns(1, 2);
         eigen.eigenvalues.swap_rows(1, 2);
     }
-    // A principal moment of a real body is never below this share of the largest.
-    let floor = eigen.eigenvalues.max() * 1e-4;
-    let moments = eigen.eigenvalues.map(|x| x.max(floor));
-    let axes = nalgebra::Rotation3::from_matrix_unchecked(eigen.eigenvectors);
+    let floor = eigen.eigenvalues.max() * LEAST_MOMENT;
+    (eigen.eigenvalues.map(|x| x.max(floor)), eigen.eigenvectors)
+}
+
+/// The tensor itself, or the nearest that no engine stumbles over.
+pub(crate) fn sound_inertia(inertia_kg_m2: &Matrix3<f64>) -> Matrix3<f64> {
+    let (moments, axes) = principal(inertia_kg_m2);
+    if moments.min() > moments.max() * LEAST_MOMENT {
+        return *inertia_kg_m2;
+    }
+    axes * Matrix3::from_diagonal(&moments) * axes.transpose()
+}
+
+/// Mass properties about `com`, in the body frame.
+pub(crate) fn mass_properties(
+    com: &Point3<f64>,
+    mass_kg: f64,
+    inertia_kg_m2: &Matrix3<f64>,
+) -> MassProperties {
+    let (moments, axes) = principal(inertia_kg_m2);
+    let axes = nalgebra::Rotation3::from_matrix_unchecked(axes);
     MassProperties::with_principal_inertia_frame(
         point(com),
         mass_kg as Real,

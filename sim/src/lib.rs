@@ -1,4 +1,4 @@
-//! What physics says of a grasp: one trial in rapier3d.
+//! What physics says of a grasp: one trial, in our own engine for gripped objects or in rapier3d.
 //!
 //! A [`Scene`] holds what all trials of an object share (shapes, masses, the [`Protocol`]); a trial
 //! builds a fresh world in the hand's frame, closes the fingers, shakes, and ends in an
@@ -31,9 +31,11 @@ pub use trace::{Frame, Trace};
 pub use trial::{run_trial, run_trial_traced};
 pub use world::{FingerContact, FingerState, ObjectLoad};
 
-/// Version of the physics engine, part of every manifest.
+/// Our own engine and its version; results of other versions may differ.
+pub const GRIP: &str = "grip 1 (contacts by parry3d 0.31.1)";
+/// The second engine.
 #[cfg(not(feature = "f64"))]
-pub const ENGINE: &str = "rapier3d 0.36.1";
-/// Version of the physics engine, part of every manifest.
+pub const RAPIER: &str = "rapier3d 0.36.1";
+/// The second engine.
 #[cfg(feature = "f64")]
-pub const ENGINE: &str = "rapier3d-f64 0.36.1";
+pub const RAPIER: &str = "rapier3d-f64 0.36.1";

@@ -162,7 +162,7 @@ impl Scene {
                 mass.mass_kg,
                 &mass.inertia_kg_m2,
             ),
-            object_inertia_kg_m2: mass.inertia_kg_m2,
+            object_inertia_kg_m2: convert::sound_inertia(&mass.inertia_kg_m2),
             object_shape,
             object_pieces,
             piece_shapes,

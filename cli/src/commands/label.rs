@@ -98,7 +98,7 @@ impl Maker<'_> {
         let settings = serde_json::json!({
             "contract": 1,
             "version": env!("CARGO_PKG_VERSION"),
-            "engine": shakedown_sim::ENGINE,
+            "engine": self.protocol.engine(),
             "protocol": self.protocol,
             "gripper": self.gripper.name,
             "candidates": "antipodal-v1",

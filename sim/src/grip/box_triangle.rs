@@ -274,12 +274,15 @@ mod tests {
                 &mut theirs,
                 false,
             );
-            let deepest = theirs.points.iter().map(|p| p.dist as f32);
+            let deepest = theirs.points.iter().map(|p| f64::from(p.dist) as f32);
             let deepest = deepest.fold(f32::MAX, f32::min);
             match own {
                 None => missed += usize::from(deepest <= prediction),
                 Some(own) => {
-                    let gap = own.points[..own.len].iter().map(|p| p.1).fold(f32::MAX, f32::min);
+                    let gap = own.points[..own.len]
+                        .iter()
+                        .map(|p| p.1)
+                        .fold(f32::MAX, f32::min);
                     let same = (gap - deepest).abs() < 1e-3
                         && (glam(own.normal) - theirs.local_n1).length() < 1e-3;
                     if same {

@@ -160,7 +160,9 @@ impl Finder {
                     if mask >> lane & 1 == 0 {
                         continue;
                     }
-                    let Some(normals) = &normals[face] else { continue };
+                    let Some(normals) = &normals[face] else {
+                        continue;
+                    };
                     let place = &places[lane];
                     if let Some(half) = &part.half {
                         let rotation = &place.part_from_object;
@@ -175,7 +177,9 @@ impl Finder {
                         continue;
                     }
                     let [a, b, c] = corners.map(|v| {
-                        place.part_from_hand.transform_point(Vector::new(v.x as _, v.y as _, v.z as _))
+                        place
+                            .part_from_hand
+                            .transform_point(Vector::new(v.x as _, v.y as _, v.z as _))
                     });
                     let turn = place.part_from_hand.rotation * turn;
                     let vector = |v: &Vector3<f32>| Vector::new(v.x as _, v.y as _, v.z as _);
@@ -232,8 +236,8 @@ impl Finder {
             let own = part.local.loosened(prediction as _);
             let near = own.transform_by(&body_from_part);
             for (aabb, piece) in &scene.piece_shapes {
-                let apart = !near.intersects(aabb)
-                    || !own.intersects(&aabb.transform_by(&part_from_body));
+                let apart =
+                    !near.intersects(aabb) || !own.intersects(&aabb.transform_by(&part_from_body));
                 if apart {
                     continue;
                 }
@@ -248,7 +252,13 @@ impl Finder {
                     &mut self.manifold,
                 );
                 let spots = &mut self.spots;
-                push(spots, &self.manifold, part.solid, &hand_from_part, prediction);
+                push(
+                    spots,
+                    &self.manifold,
+                    part.solid,
+                    &hand_from_part,
+                    prediction,
+                );
             }
         }
     }

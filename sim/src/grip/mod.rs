@@ -8,26 +8,30 @@
 
 mod box_triangle;
 mod contact;
+mod mass;
 mod patch;
 mod solve;
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use crate::scene::Scene;
 use crate::world::{Drive, FingerContact, FingerState, ObjectLoad, World};
 pub(crate) use box_triangle::Cone;
 use contact::Finder;
+use mass::{Drag, Masses};
 use patch::Patches;
-use solve::{Matrix8, Pads, Solver, Vector8, dot};
+use solve::{Pads, Solver, Vector8, dot};
 
 /// Patches follow their centre of pressure when it has moved so far, metres.
 const FOLLOW_M: f64 = 1e-5;
-/// Moments of inertia follow the object when it has turned so far, radians.
-const TURN_RAD: f64 = 1e-3;
 /// Size of a patch of contact, metres.
 const PATCH_M: f64 = 0.01;
-/// Mass of an object that is held where it is, in multiples of its own.
-const FROZEN: f64 = 1e9;
+
+/// How the hand moves during a step, in its own axes.
+struct Carrier {
+    m_s: Vector3<f64>,
+    rad_s: Vector3<f64>,
+}
 
 /// The changing state of one trial.
 pub(crate) struct GripWorld {
@@ -44,9 +48,7 @@ pub(crate) struct GripWorld {
     opening_max_m: f64,
     pads: Pads,
     gravity_m_s2: Vector3<f64>,
-    object_damping_1_s: f64,
-    finger_damping_1_s: f64,
-    is_frozen: bool,
+    drag: Drag,
     has_hand: bool,
     finder: Finder,
     contacts: Patches,
@@ -55,10 +57,7 @@ pub(crate) struct GripWorld {
     relative: Vector8,
     /// Object and fingers when contacts were last found.
     found: Option<(Isometry3<f64>, [f64; 2])>,
-    inertia_kg_m2: Matrix3<f64>,
-    inertia_of: UnitQuaternion<f64>,
-    mass_of: Option<(f64, f64, f64, bool, bool)>,
-    mass: Matrix8,
+    masses: Masses,
     touch: [FingerContact; 2],
     body_from_object: Isometry3<f64>,
 }
@@ -84,19 +83,19 @@ impl GripWorld {
                 friction: scene.friction * p.closing_friction_scale,
             },
             gravity_m_s2: Vector3::zeros(),
-            object_damping_1_s: p.object_damping_1_s,
-            finger_damping_1_s: 0.0,
-            is_frozen: false,
+            drag: Drag {
+                object_1_s: p.object_damping_1_s,
+                finger_1_s: 0.0,
+                hold: (0.0, 0.0),
+                is_frozen: false,
+            },
             has_hand: true,
             finder: Finder::new(scene),
             contacts: Patches::default(),
-            solver: Solver::new(),
+            solver: Solver::default(),
             relative: Vector8::zeros(),
             found: None,
-            inertia_kg_m2: inertia(scene, &hand_from_body.rotation),
-            inertia_of: hand_from_body.rotation,
-            mass_of: None,
-            mass: Matrix8::zeros(),
+            masses: Masses::new(scene, &hand_from_body.rotation),
             touch: [FingerContact::NONE; 2],
             body_from_object: object_from_body.inverse(),
         }
@@ -148,71 +147,28 @@ impl GripWorld {
             })
     }
 
-    /// Masses with everything that acts on them by its velocity, for substeps of `h`.
-    fn set_mass(&mut self, scene: &Scene, hold: (f64, f64), h: f64) {
-        let turned = self.hand_from_body.rotation.angle_to(&self.inertia_of) > TURN_RAD;
-        if turned {
-            self.inertia_of = self.hand_from_body.rotation;
-            self.inertia_kg_m2 = inertia(scene, &self.inertia_of);
-        }
-        let key = (
-            self.object_damping_1_s,
-            self.finger_damping_1_s,
-            hold.0,
-            self.is_frozen,
-            hold.1 > 0.0,
-        );
-        if !turned && self.mass_of == Some(key) {
-            return;
-        }
-        self.mass_of = Some(key);
-        self.solver.forget();
-        let s = &scene.protocol.solver;
-        let slowed = 1.0 + h * self.object_damping_1_s;
-        let own = if self.is_frozen { FROZEN } else { 1.0 };
-        let mut mass = Matrix8::zeros();
-        for i in 0..3 {
-            mass[(i, i)] = scene.mass_kg * slowed * own;
-        }
-        let inertia = self.inertia_kg_m2 * slowed * own;
-        mass.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
-        let omega = std::f64::consts::TAU * s.coupling_hz;
-        let coupling = h * s.finger_mass_kg * (omega * omega * h + 2.0 * omega) / 2.0;
-        let finger = s.finger_mass_kg * (1.0 + h * self.finger_damping_1_s)
-            + h * (hold.0 * h + hold.1)
-            + coupling;
-        mass[(6, 6)] = finger;
-        mass[(7, 7)] = finger;
-        mass[(6, 7)] = -coupling;
-        mass[(7, 6)] = -coupling;
-        self.mass = mass;
-    }
-
-    #[allow(clippy::too_many_arguments)]
+    /// One implicit step under outer forces; `carrier` is how the hand moves, in its own axes.
     fn substep(
         &mut self,
         scene: &Scene,
-        hand_m_s: &Vector3<f64>,
-        hand_rad_s: &Vector3<f64>,
+        carrier: &Carrier,
         drive: &Drive,
-        force_n: &Vector3<f64>,
-        torque_n_m: &Vector3<f64>,
+        outer: &ObjectLoad,
         h: f64,
     ) {
         let s = &scene.protocol.solver;
-        let hold = drive.hold.map_or((0.0, 0.0), |(_, k, c)| (k, c));
-        self.set_mass(scene, hold, h);
+        self.drag.hold = drive.hold.map_or((0.0, 0.0), |(_, k, c)| (k, c));
+        let turn = &self.hand_from_body.rotation;
+        if self.masses.follow(scene, turn, &self.drag, h) {
+            self.solver.forget();
+        }
         let com = self.hand_from_body.translation.vector;
-        let carried = hand_m_s + hand_rad_s.cross(&com);
-        let damped = 1.0 + h * self.object_damping_1_s;
-        let inverse = self.inertia_kg_m2.try_inverse().expect("a solid body");
+        let carried = carrier.m_s + carrier.rad_s.cross(&com);
         let v = self.velocity_m_s - carried;
-        let w = inverse * self.spin_kg_m2_s - hand_rad_s;
+        let w = self.masses.inverse_inertia * self.spin_kg_m2_s - carrier.rad_s;
         let mut push = Vector8::zeros();
-        let linear = v * scene.mass_kg + force_n * h;
-        let angular = self.inertia_kg_m2 * w + torque_n_m * h;
-        // Damping pulls towards rest in the world, which only counts while the hand stands still.
-        let _ = damped;
+        let linear = v * scene.mass_kg + outer.force_n * h;
+        let angular = self.masses.inertia_kg_m2 * w + outer.torque_n_m * h;
         push.fixed_rows_mut::<3>(0).copy_from(&linear);
         push.fixed_rows_mut::<3>(3).copy_from(&angular);
         let omega = std::f64::consts::TAU * s.coupling_hz;
@@ -225,12 +181,13 @@ impl GripWorld {
             push[6 + i] = s.finger_mass_kg * self.finger_m_s[i] + h * (spring - drive.force_n)
                 - sign * centring;
         }
-        if self.is_frozen {
+        if self.drag.is_frozen {
             push.fixed_rows_mut::<6>(0).fill(0.0);
         }
         let mut u = self.relative;
+        let matrix = &self.masses.matrix;
         self.solver
-            .solve(&self.mass, &push, &mut self.contacts, &self.pads, h, &mut u);
+            .solve(matrix, &push, &mut self.contacts, &self.pads, h, &mut u);
         self.relative = u;
         let pressed = self.contacts.points.iter().any(|p| p.force_n > 0.0);
         let (v_end, w_end) = (
@@ -252,7 +209,7 @@ impl GripWorld {
             }
         }
         self.velocity_m_s = v_end + carried;
-        self.spin_kg_m2_s = self.inertia_kg_m2 * (w_end + hand_rad_s);
+        self.spin_kg_m2_s = self.masses.inertia_kg_m2 * (w_end + carrier.rad_s);
         for point in &mut self.contacts.points {
             point.depth_m -= h * dot(&point.row, &u);
         }
@@ -291,16 +248,16 @@ impl GripWorld {
 
 impl World for GripWorld {
     fn freeze(&mut self, is_frozen: bool) {
-        self.is_frozen = is_frozen;
+        self.drag.is_frozen = is_frozen;
     }
 
     fn limit_speed(&mut self, scene: &Scene, force_n: f64, speed_m_s: f64) {
-        self.finger_damping_1_s = force_n / (scene.protocol.solver.finger_mass_kg * speed_m_s);
+        self.drag.finger_1_s = force_n / (scene.protocol.solver.finger_mass_kg * speed_m_s);
     }
 
     fn release(&mut self, gravity_m_s2: &Vector3<f64>, friction: f64) {
         self.pads.friction = friction;
-        self.object_damping_1_s = 0.0;
+        self.drag.object_1_s = 0.0;
         self.gravity_m_s2 = *gravity_m_s2;
     }
 
@@ -315,34 +272,31 @@ impl World for GripWorld {
         let dt_s = scene.protocol.dt_s;
         self.look(scene);
         let turn = self.world_from_hand.rotation.inverse() * world_from_hand.rotation;
-        let hand_rad_s = turn.scaled_axis() / dt_s;
+        let rad_s = turn.scaled_axis() / dt_s;
         let way = world_from_hand.translation.vector - self.world_from_hand.translation.vector;
-        let half = UnitQuaternion::from_scaled_axis(hand_rad_s * (dt_s / 2.0));
+        let half = UnitQuaternion::from_scaled_axis(rad_s * (dt_s / 2.0));
         let middle = self.world_from_hand.rotation * half;
-        let hand_m_s = middle.inverse_transform_vector(&(way / dt_s));
+        let carrier = Carrier {
+            m_s: middle.inverse_transform_vector(&(way / dt_s)),
+            rad_s,
+        };
         // The hand drags its fingers along.
-        let jump = hand_m_s.x - self.hand_speed_m_s;
-        self.hand_speed_m_s = hand_m_s.x;
+        let jump = carrier.m_s.x - self.hand_speed_m_s;
+        self.hand_speed_m_s = carrier.m_s.x;
         self.finger_m_s[0] -= jump;
         self.finger_m_s[1] += jump;
-        let force = load.force_n + self.gravity_m_s2 * scene.mass_kg;
-        let force_n = middle.inverse_transform_vector(&force);
-        let torque_n_m = middle.inverse_transform_vector(&load.torque_n_m);
+        let force_n = load.force_n + self.gravity_m_s2 * scene.mass_kg;
+        let outer = ObjectLoad {
+            force_n: middle.inverse_transform_vector(&force_n),
+            torque_n_m: middle.inverse_transform_vector(&load.torque_n_m),
+        };
         let h = dt_s / f64::from(solver.substeps);
-        let back = UnitQuaternion::from_scaled_axis(-hand_rad_s * h);
+        let back = UnitQuaternion::from_scaled_axis(-rad_s * h);
         for _ in 0..solver.substeps {
             // Absolute velocities keep their direction while the hand's axes turn.
             self.velocity_m_s = back * self.velocity_m_s;
             self.spin_kg_m2_s = back * self.spin_kg_m2_s;
-            self.substep(
-                scene,
-                &hand_m_s,
-                &hand_rad_s,
-                drive,
-                &force_n,
-                &torque_n_m,
-                h,
-            );
+            self.substep(scene, &carrier, drive, &outer, h);
         }
         let com = self.hand_from_body.translation.vector;
         let moved = self.contacts.follow(
@@ -397,10 +351,3 @@ impl World for GripWorld {
         self.world_from_hand * self.hand_from_body * self.body_from_object
     }
 }
-
-/// Moments of inertia about the centre of mass, axes of the hand.
-fn inertia(scene: &Scene, hand_from_body: &UnitQuaternion<f64>) -> Matrix3<f64> {
-    let turn = hand_from_body.to_rotation_matrix();
-    turn * scene.object_inertia_kg_m2 * turn.inverse()
-}
-

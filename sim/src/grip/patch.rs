@@ -14,10 +14,10 @@ use super::contact::{PALM, Spot};
 const SAME_NORMAL: f64 = 0.966;
 /// Patches of a solid; more different normals than that do not fit on a finger.
 const PATCHES_OF_SOLID: usize = 4;
-/// Directions in which the outline of a patch is kept.
-const DIRECTIONS: usize = 16;
-/// A point of the outline may be so many times nearer to the middle if it is a length deeper.
-const DEPTH_WEIGHT: f64 = 50.0;
+/// Spots nearer to each other than this are one point, metres.
+const SAME_POINT_M: f64 = 3e-4;
+/// Points of a patch at most.
+const POINTS_OF_PATCH: usize = 64;
 
 /// Coordinates of the motion: velocity and angular velocity of the object, speeds of the fingers.
 pub(super) type Row = [f64; 8];
@@ -91,7 +91,7 @@ pub(super) struct Patches {
 }
 
 impl Patches {
-    /// Groups new spots; patches that go on keep their bristles.
+    /// Groups new spots; patches that go on keep their bristles, limits and middles.
     pub fn group(&mut self, spots: &[Spot], com: &Vector3<f64>) {
         std::mem::swap(&mut self.patches, &mut self.old);
         self.patches.clear();
@@ -120,7 +120,7 @@ impl Patches {
                     }
                     !is_member
                 });
-                let patch = outline(spots, members, deepest, &mut points, com);
+                let patch = patch_of(spots, members, deepest, &mut points, com);
                 self.patches.push(patch);
             }
         }
@@ -188,8 +188,8 @@ impl Patch {
     }
 }
 
-/// The deepest member and those farthest out, deep ones first.
-fn outline(
+/// One patch of its members, the deepest first.
+fn patch_of(
     spots: &[Spot],
     members: &[usize],
     deepest: usize,
@@ -202,38 +202,33 @@ fn outline(
     } else {
         Vector3::y()
     };
-    let t1 = (side - normal * normal.dot(&side)).normalize();
-    let t2 = normal.cross(&t1);
+    let along = (side - normal * normal.dot(&side)).normalize();
     let first = points.len();
-    let mut kept = [usize::MAX; 64];
-    kept[0] = deepest;
-    let mut n = 1;
-    for &i in members {
-        let near = |&j: &usize| (spots[j].at - spots[i].at).norm_squared() < 1e-7;
-        if n < 64 && !kept[..n].iter().any(near) {
-            kept[n] = i;
-            n += 1;
+    for &i in std::iter::once(&deepest).chain(members) {
+        let spot = &spots[i];
+        let kept = &points[first..];
+        let is_new = kept
+            .iter()
+            .all(|p| (p.at - spot.at).norm_squared() > SAME_POINT_M * SAME_POINT_M);
+        if is_new && kept.len() < POINTS_OF_PATCH {
+            points.push(Point {
+                at: spot.at,
+                normal: spot.normal,
+                depth_m: spot.depth_m,
+                force_n: 0.0,
+                row: row(spot.solid, &spot.at, &spot.normal, com),
+            });
         }
     }
-    let mut centre = Vector3::zeros();
-    for &i in &kept[..n] {
-        let spot = &spots[i];
-        centre += spot.at / n as f64;
-        points.push(Point {
-            at: spot.at,
-            normal: spot.normal,
-            depth_m: spot.depth_m,
-            force_n: 0.0,
-            row: row(spot.solid, &spot.at, &spot.normal, com),
-        });
-    }
+    let kept = &points[first..];
+    let sum: Vector3<f64> = kept.iter().map(|p| p.at).sum();
     let mut patch = Patch {
         solid: spots[deepest].solid,
         normal,
-        tangents: [t1, t2],
+        tangents: [along, normal.cross(&along)],
         first,
         last: points.len(),
-        centre,
+        centre: sum / kept.len() as f64,
         lever_m: 0.0,
         bent_m: [0.0; 3],
         limit_n: 0.0,

@@ -2,15 +2,17 @@
 //!
 //! Pads are springs with damping, so that every force is a function of the velocity at the end of the
 //! substep (implicit Euler): a point presses with `max(0, k (depth - h v) - c v)`, a patch holds with
-//! its bristle up to friction times what its points press. The matrix is symmetric and positive
-//! definite; how friction's limit follows the pressure is left out of it, not out of the forces.
+//! its bristle up to friction times what its points press. With the limits of friction fixed these
+//! forces have a convex potential (A. Castro et al., "An unconstrained convex formulation of compliant
+//! contact", T-RO 2023, treats such contacts), so Newton's method with a check finds the one solution.
 
 use nalgebra::{SMatrix, SVector};
 
-use super::patch::{Patches, Row};
+use super::patch::{Patches, Point, Row};
 
 pub(super) type Matrix8 = SMatrix<f64, 8, 8>;
 pub(super) type Vector8 = SVector<f64, 8>;
+type Factor = nalgebra::Cholesky<f64, nalgebra::Const<8>>;
 
 /// Newton steps at most.
 const ITERATIONS: usize = 20;
@@ -31,25 +33,14 @@ pub(super) struct Pads {
 }
 
 /// Solver with the factor of the last matrix, which often serves again.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Solver {
-    factor: Option<nalgebra::Cholesky<f64, nalgebra::Const<8>>>,
-    /// Which points press, and whether a patch slides, in the matrix of that factor.
+    factor: Option<Factor>,
+    /// Which points press in the matrix of that factor.
     pressing: Vec<bool>,
-    pub iterations: u64,
-    pub factors: u64,
 }
 
 impl Solver {
-    pub fn new() -> Self {
-        Self {
-            factor: None,
-            pressing: Vec::with_capacity(64),
-            iterations: 0,
-            factors: 0,
-        }
-    }
-
     /// The geometry or the masses changed: the factor is of no use any more.
     pub fn forget(&mut self) {
         self.factor = None;
@@ -69,8 +60,10 @@ impl Solver {
         u: &mut Vector8,
     ) {
         if contacts.points.is_empty() {
-            let factor = mass.cholesky().expect("masses are positive");
-            *u = factor.solve(push);
+            match mass.cholesky() {
+                Some(factor) => *u = factor.solve(push),
+                None => u.fill(f64::NAN),
+            }
             return;
         }
         let problem = Problem {
@@ -107,12 +100,14 @@ impl Solver {
     fn newton(&mut self, problem: &Problem, contacts: &mut Patches, u: &mut Vector8) -> bool {
         let mut now = problem.at(contacts, u);
         for _ in 0..ITERATIONS {
-            self.iterations += 1;
             if now.sliding || self.factor.is_none() || !self.fits(contacts) {
-                self.factor = Some(self.matrix(problem, contacts, now.sliding));
-                self.factors += 1;
+                self.factor = self.matrix(problem, contacts, now.sliding);
             }
-            let Some(factor) = &self.factor else { break };
+            let Some(factor) = &self.factor else {
+                // Only what is no number any more has no factor: the trial has diverged.
+                u.fill(f64::NAN);
+                return false;
+            };
             let mut step = factor.solve(&now.slope);
             let size = speed(&step);
             let start = *u;
@@ -146,12 +141,7 @@ impl Solver {
     }
 
     /// The second derivative of the potential, factored.
-    fn matrix(
-        &mut self,
-        problem: &Problem,
-        contacts: &Patches,
-        sliding: bool,
-    ) -> nalgebra::Cholesky<f64, nalgebra::Const<8>> {
+    fn matrix(&mut self, problem: &Problem, contacts: &Patches, sliding: bool) -> Option<Factor> {
         let h = problem.h;
         let mut matrix = *problem.mass;
         self.pressing.clear();
@@ -185,7 +175,7 @@ impl Solver {
             // Never serves again: the next one slides another way.
             self.pressing.clear();
         }
-        matrix.cholesky().expect("masses are positive")
+        matrix.cholesky()
     }
 }
 
@@ -211,7 +201,7 @@ struct Value {
 impl Problem<'_> {
     /// A pad damps only what it touches.
     #[inline]
-    fn rate(&self, point: &super::patch::Point) -> f64 {
+    fn rate(&self, point: &Point) -> f64 {
         if point.depth_m > 0.0 {
             self.normal
         } else {
@@ -242,7 +232,8 @@ impl Problem<'_> {
                 continue;
             }
             let wanted: [f64; 3] = std::array::from_fn(|a| {
-                self.pads.shear_stiffness_n_m * patch.bent_m[a] + self.shear * dot(&patch.rows[a], u)
+                self.pads.shear_stiffness_n_m * patch.bent_m[a]
+                    + self.shear * dot(&patch.rows[a], u)
             });
             let size = norm(&wanted);
             patch.wanted_n = wanted;

@@ -285,6 +285,14 @@ pub struct Solver {
 }
 
 impl Protocol {
+    /// Name and version of the engine that computes the trials, part of every manifest.
+    pub fn engine(&self) -> &'static str {
+        match self.solver.engine {
+            Engine::Grip => crate::GRIP,
+            Engine::Rapier => crate::RAPIER,
+        }
+    }
+
     /// Force of each finger on an object of this mass, N.
     pub fn grip_force_on(&self, mass_kg: f64, friction: f64) -> f64 {
         let clamped = |force: f64| force.clamp(self.grip_force_min_n, self.grip_force_max_n);
