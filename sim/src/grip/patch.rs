@@ -81,7 +81,7 @@ pub(super) fn row(
 }
 
 /// All points and patches of a trial at one moment.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Patches {
     pub points: Vec<Point>,
     pub patches: Vec<Patch>,
@@ -91,6 +91,18 @@ pub(super) struct Patches {
 }
 
 impl Patches {
+    /// Room for more than real grasps need, so that no step has to ask for it.
+    pub fn new() -> Self {
+        let room = 4 * POINTS_OF_PATCH;
+        Self {
+            points: Vec::with_capacity(room),
+            patches: Vec::with_capacity(3 * PATCHES_OF_SOLID),
+            old: Vec::with_capacity(3 * PATCHES_OF_SOLID),
+            open: Vec::with_capacity(room),
+            members: Vec::with_capacity(room),
+        }
+    }
+
     /// Groups new spots; patches that go on keep their bristles, limits and middles.
     pub fn group(&mut self, spots: &[Spot], com: &Vector3<f64>) {
         std::mem::swap(&mut self.patches, &mut self.old);

@@ -33,7 +33,7 @@ pub(super) struct Pads {
 }
 
 /// Solver with the factor of the last matrix, which often serves again.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Solver {
     factor: Option<Factor>,
     /// Which points press in the matrix of that factor.
@@ -41,6 +41,13 @@ pub(super) struct Solver {
 }
 
 impl Solver {
+    pub fn new() -> Self {
+        Self {
+            factor: None,
+            pressing: Vec::with_capacity(256),
+        }
+    }
+
     /// The geometry or the masses changed: the factor is of no use any more.
     pub fn forget(&mut self) {
         self.factor = None;

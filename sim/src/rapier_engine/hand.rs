@@ -8,6 +8,9 @@ use crate::convert;
 use crate::protocol::Solver;
 use crate::world::{Drive, FingerState};
 
+/// Largest frequency of the coupling in cycles a step: 30 Hz at 2 ms.
+const COUPLING_STEPS: f64 = 0.06;
+
 /// Reads the fingers relative to the palm.
 pub(crate) fn read(
     world: &PhysicsWorld,
@@ -41,13 +44,16 @@ pub(crate) fn press(
     fingers: [RigidBodyHandle; 2],
     drive: &Drive,
     solver: &Solver,
+    dt_s: f64,
 ) {
     let state = read(world, palm, fingers);
     let closing_axis = convert::from_pose(world.bodies[palm].position()).rotation * Vector3::x();
     // Common mode: how far the pair has wandered along the closing axis, and how fast.
     let shift = (state.position_m[0] - state.position_m[1]) / 2.0;
     let rate = (state.speed_m_s[0] - state.speed_m_s[1]) / 2.0;
-    let omega = std::f64::consts::TAU * solver.coupling_hz;
+    // An explicit spring: stiffer than this it would swing up.
+    let hz = solver.coupling_hz.min(COUPLING_STEPS / dt_s);
+    let omega = std::f64::consts::TAU * hz;
     let restoring = -solver.finger_mass_kg * (omega * omega * shift + 2.0 * omega * rate);
     for (i, sign) in [1.0, -1.0].into_iter().enumerate() {
         let spring = drive.hold.map_or(0.0, |(rest_m, stiffness, damping)| {

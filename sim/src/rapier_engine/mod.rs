@@ -207,6 +207,7 @@ impl World for RapierWorld {
             self.fingers,
             drive,
             &scene.protocol.solver,
+            scene.protocol.dt_s,
         );
         let mut torque_n_m = load.torque_n_m;
         if self.torsion.is_active() {
