@@ -83,6 +83,8 @@ def trees_of(model):
             else:
                 # At most the threshold goes left; rounded up so that no case changes sides.
                 limit = np.float32(node["num_threshold"])
+                # Infinite: only what is missing goes right. JSON knows no infinity.
+                limit = min(limit, np.finfo(np.float32).max)
                 tree.append({"feature": int(node["feature_idx"]), "at_most": float(limit),
                              "missing_left": bool(node["missing_go_to_left"]),
                              "left": at[int(node["left"])], "right": at[int(node["right"])]})
