@@ -73,9 +73,9 @@ def main():
         "n": n,
         "same_verdict": share,
         "ci95": [share - error, share + error],
-        "pairs": [{"rapier": a, "mujoco": b, "n": k} for (a, b), k in pairs.most_common()],
+        "pairs": [{"shakedown": a, "mujoco": b, "n": k} for (a, b), k in pairs.most_common()],
         "disagreements": [
-            {"object": key[0], "grasp": int(key[1]), "rapier": ours, "mujoco": theirs["outcome"]}
+            {"object": key[0], "grasp": int(key[1]), "shakedown": ours, "mujoco": theirs["outcome"]}
             for key, ours, theirs in results
             if held(ours) != held(theirs["outcome"])
         ],

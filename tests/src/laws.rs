@@ -4,12 +4,13 @@
 //! `tests/laws.rs` holds them to their tolerances.
 
 use nalgebra::Vector3;
+use shakedown_objects::Object;
 
 use crate::measure::{
     creep_mm_s, delivered_n, free_fall_m, incline_onset_deg, momentum_drift, slip_onset,
     symmetry_m, twist_lever_mm,
 };
-use crate::rig::{ball, block, cylinder, gripped};
+use crate::rig::{self, ball, block, cylinder};
 
 /// One measured law.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,8 +48,17 @@ pub fn uniform_lever_m(a: f64, b: f64) -> f64 {
     sum / f64::from(n * n)
 }
 
-/// Every law of the page.
-pub fn all() -> Vec<Law> {
+/// Every law of the page, as an engine keeps it: `grip` or `rapier`.
+pub fn all(engine: &str) -> Vec<Law> {
+    let set_engine = format!("solver.engine={engine}");
+    let gripped = |object: &Object, mu: f64, force_n: f64, more: &[&str]| {
+        rig::gripped(
+            object,
+            mu,
+            force_n,
+            &[&[set_engine.as_str()], more].concat(),
+        )
+    };
     let mut laws = Vec::new();
     let mut add = |law, case: String, key: &str, analytic, measured, tolerance, unit| {
         laws.push(Law {
@@ -180,12 +190,12 @@ pub fn all() -> Vec<Law> {
             case,
             "",
             angle,
-            incline_onset_deg(mu),
+            incline_onset_deg(mu, &set_engine),
             0.02 * angle,
             "degrees",
         );
     }
-    let (fall, expected) = free_fall_m();
+    let (fall, expected) = free_fall_m(&set_engine);
     add(
         "free fall",
         "0.2 s in the open hand".into(),
@@ -195,7 +205,7 @@ pub fn all() -> Vec<Law> {
         0.002 * expected,
         "m",
     );
-    let (linear, angular) = momentum_drift();
+    let (linear, angular) = momentum_drift(&set_engine);
     add(
         "momentum",
         "2 s without contact, momentum".into(),
@@ -219,7 +229,7 @@ pub fn all() -> Vec<Law> {
         "hand turned by 180 degrees: difference of the closing motion".into(),
         "",
         0.0,
-        symmetry_m(),
+        symmetry_m(&set_engine),
         1e-3,
         "m",
     );

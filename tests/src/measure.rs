@@ -111,8 +111,13 @@ pub fn delivered_n(scene: &Scene) -> f64 {
 }
 
 /// Tilt at which a plate slides on the palm, which lies flat under it.
-pub fn incline_onset_deg(mu: f64) -> f64 {
-    let scene = gripped(&block(Vector3::new(0.03, 0.02, 0.008), 0.2), mu, 1e-6, &[]);
+pub fn incline_onset_deg(mu: f64, set_engine: &str) -> f64 {
+    let scene = gripped(
+        &block(Vector3::new(0.03, 0.02, 0.008), 0.2),
+        mu,
+        1e-6,
+        &[set_engine],
+    );
     let palm_z_m = 0.0658;
     let object_from_hand = Isometry3::from(Translation3::new(0.0, 0.0, -palm_z_m - 0.004));
     let slides = |degrees: f64| {
@@ -139,8 +144,13 @@ pub fn incline_onset_deg(mu: f64) -> f64 {
 }
 
 /// Fall in 0.2 s between the open fingers, and what the law says, metres.
-pub fn free_fall_m() -> (f64, f64) {
-    let scene = gripped(&block(Vector3::repeat(0.02), 0.1), 0.5, 0.001, &[]);
+pub fn free_fall_m(set_engine: &str) -> (f64, f64) {
+    let scene = gripped(
+        &block(Vector3::repeat(0.02), 0.1),
+        0.5,
+        0.001,
+        &[set_engine],
+    );
     let mut probe = Probe::new(&scene, &centred(), 0.08);
     probe.close(0.002, &Vector3::new(0.0, 0.0, 9.81));
     let steps = 100;
@@ -152,8 +162,13 @@ pub fn free_fall_m() -> (f64, f64) {
 }
 
 /// Relative change of momentum and angular momentum of a free block over two seconds.
-pub fn momentum_drift() -> (f64, f64) {
-    let scene = gripped(&block(Vector3::new(0.02, 0.04, 0.07), 0.1), 0.5, 20.0, &[]);
+pub fn momentum_drift(set_engine: &str) -> (f64, f64) {
+    let scene = gripped(
+        &block(Vector3::new(0.02, 0.04, 0.07), 0.1),
+        0.5,
+        20.0,
+        &[set_engine],
+    );
     let mut probe = Probe::new(&scene, &centred(), 0.08);
     probe.remove_hand();
     probe.close(0.002, &Vector3::zeros());
@@ -177,8 +192,13 @@ pub fn momentum_drift() -> (f64, f64) {
 
 /// Difference in the closing motion of an off-centre block between a hand and the same hand turned
 /// by half a turn about its approach direction, metres.
-pub fn symmetry_m() -> f64 {
-    let scene = gripped(&block(Vector3::new(0.03, 0.03, 0.05), 0.1), 0.5, 20.0, &[]);
+pub fn symmetry_m(set_engine: &str) -> f64 {
+    let scene = gripped(
+        &block(Vector3::new(0.03, 0.03, 0.05), 0.1),
+        0.5,
+        20.0,
+        &[set_engine],
+    );
     let off = Translation3::new(0.006, 0.0, 0.0);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
     let closing = |pose: &Isometry3<f64>| {

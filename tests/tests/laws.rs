@@ -16,8 +16,11 @@ fn scene(object: &Object, sets: &[&str]) -> Scene {
 
 #[test]
 fn every_law_of_the_validation_page_holds() {
-    let broken: Vec<_> = laws::all().into_iter().filter(|l| !l.holds()).collect();
-    assert!(broken.is_empty(), "{broken:#?}");
+    for engine in ["grip", "rapier"] {
+        let laws = laws::all(engine);
+        let broken: Vec<_> = laws.iter().filter(|l| !l.holds()).collect();
+        assert!(broken.is_empty(), "{engine}: {broken:#?}");
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ use shakedown_objects::surface::{LANES, Lanes};
 
 use super::box_triangle::{Cone, Meeting, meet};
 use crate::convert;
+use crate::protocol::BoxContacts;
 use crate::rapier::math::{Pose, Vector};
 use crate::rapier::parry::bounding_volume::{Aabb, BoundingVolume};
 use crate::rapier::parry::query::{
@@ -35,7 +36,7 @@ pub(super) struct Spot {
 /// A convex part of the hand.
 struct HandPart {
     solid: usize,
-    /// Half size of a box.
+    /// Half size of a box that our own search meets.
     half: Option<Vector3<f32>>,
     /// With closed fingers.
     hand_from_part: Isometry3<f64>,
@@ -86,13 +87,15 @@ pub(super) struct Finder {
 
 impl Finder {
     pub fn new(scene: &Scene) -> Self {
+        let own = scene.protocol.solver.box_contacts == BoxContacts::Own;
         let mut parts = Vec::new();
         let mut add = |solid: usize, turn: &Isometry3<f64>, shapes: &[(Pose, SharedShape)]| {
             for (pose, shape) in shapes {
                 let hand_from_part = turn * convert::from_pose(pose);
                 let aabb = shape.compute_aabb(&convert::pose(&hand_from_part));
                 let corner = |v: Vector| convert::from_vector(v).map(|x| x as f32);
-                let half = shape.as_cuboid().map(|c| corner(c.half_extents));
+                let cuboid = shape.as_cuboid().filter(|_| own);
+                let half = cuboid.map(|c| corner(c.half_extents));
                 parts.push(HandPart {
                     solid,
                     half,

@@ -98,6 +98,16 @@ pub enum Engine {
     Rapier,
 }
 
+/// Who finds the contacts of boxes with triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BoxContacts {
+    /// Our own search: axes compared by angle, so that short edges count.
+    Own,
+    /// parry's, which leaves out axes of edges shorter than 0.35 mm: to compare.
+    Parry,
+}
+
 /// Every constant of a trial; `docs/protocols.md` explains each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -257,6 +267,8 @@ pub struct Solver {
     pub pad_relaxation_s: f64,
     /// `grip`: contacts are found anew when hand and object have moved so far against each other, m.
     pub contact_reuse_m: f64,
+    /// `grip`: who finds the contacts of the fingers' boxes.
+    pub box_contacts: BoxContacts,
     /// `rapier`: solver iterations (substeps) per step.
     pub iterations: usize,
     /// Stiffness of contacts as a frequency, Hz.
