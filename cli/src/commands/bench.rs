@@ -1,8 +1,11 @@
-//! `shakedown bench`: what each stage costs on this machine, one thread, CPU time.
+//! `shakedown bench`: what each stage costs on this machine, CPU time of one thread, and what more
+//! threads bring.
 
 use std::path::Path;
+use std::time::Instant;
 
 use cpu_time::ThreadTime;
+use rayon::prelude::*;
 use shakedown_classifier::{HandModel, Thresholds, classify};
 use shakedown_gripper_assets::{Grasp, Gripper, ReadOptions};
 use shakedown_objects::{Object, SdfGrid};
@@ -165,6 +168,20 @@ fn physics(
         .map(|g| u64::from(run_trial(&scene, &g.object_from_hand).steps))
         .sum();
     let trials_s = start.elapsed().as_secs_f64();
+    let closing_s = {
+        // The same trials without a load: what is left is closing and finding contacts.
+        let sets = ["shake_linear_m=0", "shake_angular_rad=0", "hold_s=0"];
+        let sets: Vec<String> = sets.iter().map(|s| (*s).to_owned()).collect();
+        let still = Protocol::load("acronym", &sets)?;
+        let scene = Scene::new(object, gripper, &still, None, cache.as_deref())?;
+        let start = ThreadTime::now();
+        for g in grasps {
+            run_trial(&scene, &g.object_from_hand);
+        }
+        start.elapsed().as_secs_f64()
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let (alone, crowd) = (wall_s(&scene, grasps, 1)?, wall_s(&scene, grasps, threads)?);
     Ok(vec![
         Measured {
             name: "scene (pieces cached or not)",
@@ -181,5 +198,38 @@ fn physics(
             unit: "us",
             value: 1e6 * trials_s / steps.max(1) as f64,
         },
+        Measured {
+            name: "closing alone, preset acronym",
+            unit: "ms per trial",
+            value: 1e3 * closing_s / grasps.len() as f64,
+        },
+        Measured {
+            name: "trials on all threads",
+            unit: "per second of wall time",
+            value: grasps.len() as f64 / crowd,
+        },
+        Measured {
+            name: "as many times faster as on one",
+            unit: "of as many threads as the machine has",
+            value: alone / crowd,
+        },
     ])
+}
+
+/// Wall time of all trials on so many threads, the best of three.
+fn wall_s(scene: &Scene, grasps: &[Grasp], threads: usize) -> Result<f64, Failure> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(Failure::internal)?;
+    let times = (0..3).map(|_| {
+        let start = Instant::now();
+        pool.install(|| {
+            grasps.par_iter().for_each(|g| {
+                run_trial(scene, &g.object_from_hand);
+            });
+        });
+        start.elapsed().as_secs_f64()
+    });
+    Ok(times.fold(f64::MAX, f64::min))
 }

@@ -284,12 +284,13 @@ fn add(sum: &mut Vector8, row: &Row, factor: f64) {
     }
 }
 
+/// Adds to the lower triangle, which is all that a factor needs.
 #[inline]
 fn add_square(matrix: &mut Matrix8, row: &Row, factor: f64) {
-    for j in 0..8 {
+    for (j, column) in matrix.as_mut_slice().chunks_exact_mut(8).enumerate() {
         let f = factor * row[j];
-        for i in 0..8 {
-            matrix[(i, j)] += f * row[i];
+        for (m, r) in column[j..].iter_mut().zip(&row[j..]) {
+            *m += f * r;
         }
     }
 }
