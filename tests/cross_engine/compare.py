@@ -1,4 +1,4 @@
-"""Same grasps, same protocol, two engines: do rapier and MuJoCo give the same verdict?
+"""Same grasps, same protocol, two engines: do our trial and MuJoCo give the same verdict?
 
     python tests/cross_engine/compare.py --data ../shared/acronym/seen --out docs/validation
 
@@ -15,6 +15,7 @@ import math
 import multiprocessing
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 
 from engine import Trial
@@ -30,7 +31,10 @@ OBJECTS = [
 
 def play(job):
     key, directory, ours = job
-    theirs = Trial(directory).run()
+    trial = Trial(directory)
+    start = time.process_time()
+    theirs = trial.run()
+    theirs["cpu_s"] = time.process_time() - start
     return key, ours, theirs
 
 
@@ -72,6 +76,7 @@ def main():
         "sets": args.set,
         "n": n,
         "same_verdict": share,
+        "mujoco_trials_per_cpu_s": n / sum(theirs["cpu_s"] for _, _, theirs in results),
         "ci95": [share - error, share + error],
         "pairs": [{"shakedown": a, "mujoco": b, "n": k} for (a, b), k in pairs.most_common()],
         "disagreements": [
@@ -84,7 +89,7 @@ def main():
     (args.out / f"cross_engine_{args.protocol}.json").write_text(json.dumps(report, indent=1) + "\n")
     print(f"{args.protocol}: same verdict for {same} of {n} ({share:.1%})")
     for (a, b), k in pairs.most_common():
-        print(f"  rapier {a:17} mujoco {b:12} {k}")
+        print(f"  ours {a:17} mujoco {b:12} {k}")
 
 
 if __name__ == "__main__":
