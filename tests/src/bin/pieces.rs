@@ -1,14 +1,16 @@
 //! How well do convex pieces stand for a solid? Time, number, volume and how far they stick out, for
-//! every mesh below the folders given.
+//! the object of every ACRONYM file and every mesh below the folders given.
 //!
-//! `cargo run --release -p shakedown_tests --bin pieces -- OUT.csv FOLDER...`
+//! `cargo run --release -p shakedown_tests --bin pieces -- OUT.csv ACRONYM/seen FOLDER...`
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rayon::prelude::*;
+use shakedown_gripper_assets::{ReadOptions, read_grasps};
 use shakedown_objects::pieces::{PieceSettings, decompose};
 use shakedown_objects::{ConvexBody, Object, ObjectSpec};
+use shakedown_tests::acronym_object;
 
 /// What was measured of one mesh.
 struct Row {
@@ -87,8 +89,11 @@ fn collect(folder: &Path, meshes: &mut Vec<PathBuf>) -> std::io::Result<()> {
         let path = entry?.path();
         let kind = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         if path.is_dir() {
-            collect(&path, meshes)?;
-        } else if ["obj", "stl", "ply", "off", "glb"].contains(&kind) {
+            // The meshes of ACRONYM are of no size without their grasp files.
+            if !path.with_file_name("grasps").is_dir() || path.ends_with("grasps") {
+                collect(&path, meshes)?;
+            }
+        } else if ["h5", "obj", "stl", "ply", "off", "glb"].contains(&kind) {
             meshes.push(path);
         }
     }
@@ -97,23 +102,30 @@ fn collect(folder: &Path, meshes: &mut Vec<PathBuf>) -> std::io::Result<()> {
 
 /// `None` for what is no sound solid.
 fn measure(mesh: &Path) -> Option<Row> {
-    let spec = ObjectSpec {
-        mesh: mesh.to_owned(),
-        density_kg_m3: Some(1.0),
-        ..ObjectSpec::default()
+    let object = if mesh.extension().is_some_and(|e| e == "h5") {
+        let file = read_grasps(mesh, &ReadOptions::default()).ok()?;
+        acronym_object(mesh.parent()?.parent()?, &file)
+    } else {
+        let spec = ObjectSpec {
+            mesh: mesh.to_owned(),
+            density_kg_m3: Some(1.0),
+            ..ObjectSpec::default()
+        };
+        Object::load(&spec)
+            .map_err(|e| eprintln!("left out: {e}"))
+            .ok()?
     };
-    let object = Object::load(&spec)
-        .map_err(|e| eprintln!("left out: {e}"))
-        .ok()?;
-    let solid_m3 = object.mass.mass_kg;
+    let solid_m3 = object.mass.volume_m3;
     let surface = &object.surface;
     let start = Instant::now();
     let pieces = decompose(surface.mesh(), &PieceSettings::default());
     let wall_s = start.elapsed().as_secs_f64();
     let (mut volume_m3, mut sum_m, mut n, mut largest_m) = (0.0, 0.0, 0usize, 0.0f64);
     for body in pieces.iter().filter_map(|p| ConvexBody::hull(p)) {
+        let within = body.centre();
         for [a, b, c] in body.triangles() {
-            volume_m3 += a.coords.dot(&b.coords.cross(&c.coords)) / 6.0;
+            let [u, v, w] = [a, b, c].map(|p| p - within);
+            volume_m3 += u.dot(&v.cross(&w)).abs() / 6.0;
             let middle = nalgebra::Point3::from((a.coords + b.coords + c.coords) / 3.0);
             for p in [a, b, c, middle] {
                 let outside_m = surface.signed_distance(&p).max(0.0);
