@@ -245,10 +245,10 @@ impl<'a> Core<'a> {
                 continue;
             }
             let before = self.arcs[i].len();
-            for j in 0..self.n {
-                if row[j] - self.price[j] < limit {
-                    self.add_arc(i, j);
-                }
+            let cheaper = |(c, p): (&f32, &f32)| c - p < limit;
+            let new: Vec<bool> = row.iter().zip(&self.price).map(cheaper).collect();
+            for (j, _) in new.iter().enumerate().filter(|(_, is_new)| **is_new) {
+                self.add_arc(i, j);
             }
             if self.arcs[i].len() > before {
                 self.column_of[i] = NONE;

@@ -214,17 +214,18 @@ pub fn mean(objects: &[Distribution]) -> Option<Distribution> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
     #[test]
     fn angles_of_eight_pairs_at_once_are_those_of_one() {
         let pose = |i: usize| {
             let i = i as f64;
-            let turn = nalgebra::UnitQuaternion::from_euler_angles(i, 2.3 * i, 0.7 * i * i);
-            Isometry3::from_parts(nalgebra::Translation3::identity(), turn)
+            let turn = UnitQuaternion::from_euler_angles(i, 2.3 * i, 0.7 * i * i);
+            Isometry3::from_parts(Translation3::identity(), turn)
         };
         let a: Vec<_> = (0..13).map(pose).collect();
         let mut b: Vec<_> = (5..24).map(pose).collect();
-        b[3].rotation *= nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, 1e-4);
+        b[3].rotation *= UnitQuaternion::from_euler_angles(0.0, 0.0, 1e-4);
         let all = angles(&a, &b);
         assert_eq!(all.len(), a.len() * b.len());
         for (i, a) in a.iter().enumerate() {
@@ -234,7 +235,6 @@ mod tests {
             }
         }
     }
-    use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
     fn pose(x: f64, turn: f64) -> Isometry3<f64> {
         Isometry3::from_parts(
