@@ -6,10 +6,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use nalgebra::Point3;
+use parry3d::math::Vector;
 use rayon::prelude::*;
 use shakedown_gripper_assets::{ReadOptions, read_grasps};
 use shakedown_objects::pieces::{PieceSettings, decompose};
-use shakedown_objects::{ConvexBody, Object, ObjectSpec};
+use shakedown_objects::{Object, ObjectSpec};
 use shakedown_tests::acronym_object;
 
 /// What was measured of one mesh.
@@ -121,12 +123,13 @@ fn measure(mesh: &Path) -> Option<Row> {
     let pieces = decompose(surface.mesh(), &PieceSettings::default());
     let wall_s = start.elapsed().as_secs_f64();
     let (mut volume_m3, mut sum_m, mut n, mut largest_m) = (0.0, 0.0, 0usize, 0.0f64);
-    for body in pieces.iter().filter_map(|p| ConvexBody::hull(p)) {
-        let within = body.centre();
-        for [a, b, c] in body.triangles() {
+    for piece in &pieces {
+        let within = piece[0];
+        for [a, b, c] in hull(piece) {
             let [u, v, w] = [a, b, c].map(|p| p - within);
+            // Every face is seen from inside the same way, whichever way its corners run.
             volume_m3 += u.dot(&v.cross(&w)).abs() / 6.0;
-            let middle = nalgebra::Point3::from((a.coords + b.coords + c.coords) / 3.0);
+            let middle = Point3::from((a.coords + b.coords + c.coords) / 3.0);
             for p in [a, b, c, middle] {
                 let outside_m = surface.signed_distance(&p).max(0.0);
                 sum_m += outside_m;
@@ -146,4 +149,25 @@ fn measure(mesh: &Path) -> Option<Row> {
         largest_outside_m: largest_m,
         size_m: (hi - lo).max(),
     })
+}
+
+/// Faces of the convex hull of some points; a corner of it is one of them.
+fn hull(points: &[Point3<f64>]) -> Vec<[Point3<f64>; 3]> {
+    let size = points
+        .iter()
+        .map(|p| (p - points[0]).norm())
+        .fold(1e-9, f64::max);
+    let local: Vec<Vector> = points
+        .iter()
+        .map(|p| (p - points[0]) / size)
+        .map(|v| Vector::new(v.x as f32, v.y as f32, v.z as f32))
+        .collect();
+    let Ok((corners, faces)) = parry3d::transformation::try_convex_hull(&local) else {
+        return Vec::new();
+    };
+    let corner = |i: u32| {
+        let c = corners[i as usize];
+        points[0] + nalgebra::Vector3::new(c.x, c.y, c.z).map(f64::from) * size
+    };
+    faces.into_iter().map(|f| f.map(corner)).collect()
 }
