@@ -180,6 +180,14 @@ mod tests {
     use crate::features::GEOMETRIC;
 
     #[test]
+    fn the_model_was_fitted_to_trials_of_the_preset_as_it_is() {
+        let preset = Protocol::load("acronym", &[]).unwrap();
+        assert!(HoldJudge::reads(&preset));
+        let other = Protocol::load("acronym", &["friction=0.9".to_owned()]).unwrap();
+        assert!(!HoldJudge::reads(&other));
+    }
+
+    #[test]
     fn the_built_in_models_can_be_read_and_prefer_what_held() {
         for with_trial in [false, true] {
             let model = HoldModel::built_in(with_trial);

@@ -120,7 +120,7 @@ def main():
         about = (f"p_hold from {'geometry and one trial' if count > GEOMETRIC else 'geometry alone'};"
                  f" {TREES} trees fitted to {len(y)} FleX labels of {seen.object.nunique()} ACRONYM objects (seen)"
                  f" and, without a trial, {len(more)} more")
-        text = {"about": about, "protocol": "acronym-v2", "features": names[:count],
+        text = {"about": about, "protocol": "acronym-v3", "features": names[:count],
                 "base": float(model._baseline_prediction[0, 0]), "calibration": [slope, shift]}
         body = json.dumps(text)[:-1] + ', "trees": [\n'
         body += ",\n".join(json.dumps(t, separators=(",", ":")) for t in trees_of(model))
