@@ -209,8 +209,8 @@ fn physics(
             value: grasps.len() as f64 / crowd,
         },
         Measured {
-            name: "as many times faster as on one",
-            unit: "of as many threads as the machine has",
+            name: "speed-up over one thread",
+            unit: "times",
             value: alone / crowd,
         },
     ])
