@@ -104,7 +104,16 @@ impl Scene {
         };
         let mass = mass.with_mass(mass.mass_kg.max(protocol.object_mass_min_kg));
         let com_m = mass.com_m;
-        let (object_pieces, pieces_m) = pieces_shape(object, &com_m, protocol, cache)?;
+        let pieces_m = pieces(object, &com_m, protocol, cache);
+        let piece_shapes: Vec<(Aabb, SharedShape)> = pieces_m
+            .iter()
+            .filter_map(|piece| convex(piece))
+            .map(|shape| (shape.compute_local_aabb(), shape))
+            .collect();
+        let object_pieces = compound(&piece_shapes).ok_or_else(|| SceneError::Shape {
+            object: object.id.clone(),
+            what: "the convex decomposition is empty; try solver.object_contact=surface".into(),
+        })?;
         let (object_shape, contact_parts) = match protocol.solver.object_contact {
             ObjectContact::Pieces => (object_pieces.clone(), pieces_m.len()),
             ObjectContact::Surface => surface_shape(object, &com_m)?,
@@ -115,11 +124,6 @@ impl Scene {
                 part: name.to_owned(),
             })
         };
-        let piece_shapes = pieces_m
-            .iter()
-            .filter_map(|piece| convex(piece))
-            .map(|shape| (shape.compute_local_aabb(), shape))
-            .collect();
         let pseudo_normals = object_shape.as_trimesh().map(|mesh| {
             (0..mesh.num_triangles() as u32)
                 .map(|i| mesh.triangle_normal_constraints(i).map(|n| Cone::new(&n)))
@@ -233,23 +237,20 @@ fn convex(corners: &[Point3<f64>]) -> Option<SharedShape> {
     SharedShape::convex_hull(&points)
 }
 
-fn compound(bodies: &[Vec<Point3<f64>>]) -> Option<SharedShape> {
-    let mut shapes: Vec<SharedShape> = bodies.iter().filter_map(|b| convex(b)).collect();
-    match shapes.len() {
-        0 => None,
-        1 => shapes.pop(),
+fn compound(pieces: &[(Aabb, SharedShape)]) -> Option<SharedShape> {
+    match pieces {
+        [] => None,
+        [(_, only)] => Some(only.clone()),
         _ => Some(SharedShape::compound(
-            shapes.into_iter().map(|s| (Pose::IDENTITY, s)).collect(),
+            pieces
+                .iter()
+                .map(|(_, shape)| (Pose::IDENTITY, shape.clone()))
+                .collect(),
         )),
     }
 }
 
-fn pieces_shape(
-    object: &Object,
-    com: &Point3<f64>,
-    protocol: &Protocol,
-    cache: Option<&Path>,
-) -> Result<(SharedShape, Pieces), SceneError> {
+fn pieces(object: &Object, com: &Point3<f64>, protocol: &Protocol, cache: Option<&Path>) -> Pieces {
     // For the palm alone, where nothing is gripped, a coarse cut is enough.
     let finest = match protocol.solver.object_contact {
         ObjectContact::Pieces => u32::MAX,
@@ -260,15 +261,10 @@ fn pieces_shape(
         concavity: protocol.solver.piece_concavity,
         max_pieces: protocol.solver.piece_max,
     };
-    let pieces: Pieces = decompose_cached(object.surface.mesh(), &settings, cache)
+    decompose_cached(object.surface.mesh(), &settings, cache)
         .into_iter()
         .map(|piece| piece.iter().map(|p| p - com.coords).collect())
-        .collect();
-    let shape = compound(&pieces).ok_or_else(|| SceneError::Shape {
-        object: object.id.clone(),
-        what: "the convex decomposition is empty; try solver.object_contact=surface".into(),
-    })?;
-    Ok((shape, pieces))
+        .collect()
 }
 
 fn surface_shape(object: &Object, com: &Point3<f64>) -> Result<(SharedShape, usize), SceneError> {

@@ -1,5 +1,5 @@
-//! Where do the parts of the hand meet the object? Boxes and hulls against the true triangles (or
-//! the convex pieces) within reach, by parry's contact manifolds.
+//! Where do the parts of the hand meet the object? Against the true triangles within reach, boxes by
+//! `box_triangle`, hulls by parry's contact manifolds; against convex pieces by parry's.
 
 use std::f64::consts::PI;
 use std::ops::ControlFlow;

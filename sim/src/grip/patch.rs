@@ -165,7 +165,7 @@ impl Patches {
         let mut moved = false;
         for patch in &mut self.patches {
             let points = &self.points[patch.first..patch.last];
-            let total: f64 = points.iter().map(|p| p.force_n).sum();
+            let total = patch.force_n(&self.points);
             if total <= 0.0 {
                 continue;
             }
@@ -191,6 +191,14 @@ impl Patches {
 }
 
 impl Patch {
+    /// Sum of what its points press, N.
+    pub fn force_n(&self, points: &[Point]) -> f64 {
+        points[self.first..self.last]
+            .iter()
+            .map(|p| p.force_n)
+            .sum()
+    }
+
     pub fn set_rows(&mut self, com: &Vector3<f64>) {
         for (k, tangent) in self.tangents.iter().enumerate() {
             self.rows[k] = row(self.solid, &self.centre, tangent, com);

@@ -86,8 +86,7 @@ impl Solver {
             let sliding = self.newton(&problem, contacts, u);
             let mut settled = true;
             for patch in &mut contacts.patches {
-                let points = &contacts.points[patch.first..patch.last];
-                let limit_n = pads.friction * points.iter().map(|p| p.force_n).sum::<f64>();
+                let limit_n = pads.friction * patch.force_n(&contacts.points);
                 let change = (limit_n - patch.limit_n).abs();
                 let matters = sliding || patch.held_n > limit_n;
                 settled &= !matters || change <= 1e-4 * limit_n + 1e-9;
