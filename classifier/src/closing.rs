@@ -37,7 +37,7 @@ impl Closing {
 pub(crate) struct Sweep {
     lo: f32,
     hi: f32,
-    /// Triangles that may belong to a contact patch, with their smallest and largest x.
+    /// Triangles that may belong to a contact patch, with the smallest and largest x of the whole.
     candidates: Vec<(f32, f32, [Vector3<f32>; 3])>,
 }
 
@@ -72,28 +72,21 @@ impl Sweep {
         if low > self.lo + PATCH_DEPTH_M && high < self.hi - PATCH_DEPTH_M {
             return;
         }
-        let Some(polygon) = clip_to_region(region, triangle) else {
-            return;
-        };
-        let (mut lo, mut hi) = (f32::MAX, f32::MIN);
-        for c in polygon.corners() {
-            lo = lo.min(c.x);
-            hi = hi.max(c.x);
+        // What is outside can only raise the lowest point of what is inside.
+        if low < self.lo || high > self.hi {
+            let Some((lo, hi)) = extent_in_region(region, triangle, low, high) else {
+                return;
+            };
+            if lo < self.lo {
+                self.lo = lo;
+                lanes.set_axis(STRIP_LEFT, 0, region.min.x, lo + PATCH_DEPTH_M);
+            }
+            if hi > self.hi {
+                self.hi = hi;
+                lanes.set_axis(STRIP_RIGHT, 0, hi - PATCH_DEPTH_M, region.max.x);
+            }
         }
-        let mut keep = lo <= self.lo + PATCH_DEPTH_M || hi >= self.hi - PATCH_DEPTH_M;
-        if lo < self.lo {
-            self.lo = lo;
-            keep = true;
-            lanes.set_axis(STRIP_LEFT, 0, region.min.x, lo + PATCH_DEPTH_M);
-        }
-        if hi > self.hi {
-            self.hi = hi;
-            keep = true;
-            lanes.set_axis(STRIP_RIGHT, 0, hi - PATCH_DEPTH_M, region.max.x);
-        }
-        if keep {
-            self.candidates.push((lo, hi, *triangle));
-        }
+        self.candidates.push((low, high, *triangle));
     }
 
     /// The contacts, if anything lies between the pads.
@@ -118,15 +111,16 @@ impl Sweep {
         let (mut normal, mut area, mut height) = (Vector3::<f32>::zeros(), 0.0f32, 0.0f32);
         let (mut edge_height, mut edge_count) = (0.0f32, 0.0f32);
         for (lo, hi, t) in &self.candidates {
-            let near = if sign > 0.0 { *hi } else { -*lo };
-            if near < sign * x - PATCH_DEPTH_M {
+            let (near, far) = if sign > 0.0 { (*hi, *lo) } else { (-*lo, -*hi) };
+            let border = sign * x - PATCH_DEPTH_M;
+            if near < border {
                 continue;
             }
-            let Some(mut polygon) = clip_to_region(region, t) else {
+            let mut polygon = Piece::triangle(t);
+            if !is_inside(region, t) && !clip_to_region(region, t, &mut polygon) {
                 continue;
-            };
-            let inner = Vector3::new(-sign, 0.0, 0.0);
-            if !polygon.clip(&inner, PATCH_DEPTH_M - sign * x) {
+            }
+            if far < border && !polygon.clip_axis(0, -sign, -border) {
                 continue;
             }
             for c in polygon.corners() {
@@ -162,33 +156,45 @@ impl Sweep {
     }
 }
 
+/// Smallest and largest x of the part of a triangle inside the region.
+#[inline]
+fn extent_in_region(
+    region: &Intruder,
+    triangle: &[Vector3<f32>; 3],
+    low: f32,
+    high: f32,
+) -> Option<(f32, f32)> {
+    if is_inside(region, triangle) {
+        return Some((low, high));
+    }
+    let mut polygon = Piece::triangle(triangle);
+    if !clip_to_region(region, triangle, &mut polygon) {
+        return None;
+    }
+    let xs = polygon.corners().iter().map(|c| c.x);
+    Some(xs.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x))))
+}
+
+#[inline]
+fn is_inside(region: &Intruder, triangle: &[Vector3<f32>; 3]) -> bool {
+    let [a, b, c] = triangle;
+    let (lo, hi) = (a.inf(b).inf(c), a.sup(b).sup(c));
+    (0..3).all(|k| lo[k] >= region.min[k] && hi[k] <= region.max[k])
+}
+
 /// A triangle cut by the six planes of the region and the one of a contact patch.
 type Piece = Polygon<10>;
 
-/// The part of a triangle inside the region.
+/// Cuts `polygon`, which is the triangle, to the region; returns whether anything is left.
 #[inline]
-fn clip_to_region(region: &Intruder, triangle: &[Vector3<f32>; 3]) -> Option<Piece> {
+fn clip_to_region(region: &Intruder, triangle: &[Vector3<f32>; 3], polygon: &mut Piece) -> bool {
     let [a, b, c] = triangle;
     let (lo, hi) = (a.inf(b).inf(c), a.sup(b).sup(c));
-    let mut polygon = Piece::triangle(triangle);
-    for axis in 0..3 {
+    (0..3).all(|axis| {
         let (min, max) = (region.min[axis], region.max[axis]);
-        if lo[axis] > max || hi[axis] < min {
-            return None;
-        }
-        let mut normal = Vector3::zeros();
-        if hi[axis] > max {
-            normal[axis] = 1.0;
-            if !polygon.clip(&normal, max) {
-                return None;
-            }
-        }
-        if lo[axis] < min {
-            normal[axis] = -1.0;
-            if !polygon.clip(&normal, -min) {
-                return None;
-            }
-        }
-    }
-    Some(polygon)
+        lo[axis] <= max
+            && hi[axis] >= min
+            && (hi[axis] <= max || polygon.clip_axis(axis, 1.0, max))
+            && (lo[axis] >= min || polygon.clip_axis(axis, -1.0, -min))
+    })
 }

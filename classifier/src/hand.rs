@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::ConvexBody;
-use shakedown_objects::penetration::Intruder;
+use shakedown_objects::penetration::{Intruder, Intruders};
 use shakedown_objects::surface::{LANES, Lanes};
 
 /// Why a hand cannot be used.
@@ -24,7 +24,7 @@ pub struct HandModel {
     /// Names of the parts, in the order of the bodies.
     pub part_names: Vec<String>,
     /// The parts, hand frame.
-    pub bodies: Vec<Intruder>,
+    pub bodies: Intruders,
     /// Corners of the closing region, hand frame, metres.
     pub region: [Vector3<f64>; 2],
     /// Opening, metres.
@@ -76,7 +76,7 @@ impl HandModel {
         }
         Ok(Self {
             part_names,
-            bodies,
+            bodies: Intruders::new(bodies),
             region,
             opening_m,
             region_body,
@@ -116,4 +116,18 @@ fn share_lanes(bodies: &[Intruder]) -> (Vec<Vec<usize>>, Lanes) {
         lanes.set(lane, lo, hi);
     }
     (members, lanes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_parts_of_the_panda_hang_together_and_the_links_of_the_robotiq_stand_apart() {
+        for (name, is_one_piece) in [("franka_panda", true), ("robotiq_2f_85", false)] {
+            let gripper = Gripper::load(name).unwrap();
+            let hand = HandModel::new(&gripper, gripper.opening_max_m).unwrap();
+            assert_eq!(hand.bodies.is_one_piece(), is_one_piece, "{name}");
+        }
+    }
 }

@@ -120,8 +120,9 @@ pub fn classify(
     thresholds: &Thresholds,
 ) -> Verdict {
     SCRATCH.with_borrow_mut(|scratch| {
+        let bodies = hand.bodies.bodies();
         scratch.depths.clear();
-        scratch.depths.resize(hand.bodies.len(), Depth::default());
+        scratch.depths.resize(bodies.len(), Depth::default());
         scratch.sweep.clear();
         let hand_from_object = object_from_hand.inverse();
         let mut lanes = hand.lanes;
@@ -129,7 +130,7 @@ pub fn classify(
             let mut occupied = mask & ((1 << STRIP_LEFT) - 1);
             while occupied != 0 {
                 for &body in &hand.members[occupied.trailing_zeros() as usize] {
-                    scratch.depths[body].add(&hand.bodies[body], &triangle);
+                    scratch.depths[body].add(&bodies[body], &triangle);
                 }
                 occupied &= occupied - 1;
             }
@@ -140,13 +141,14 @@ pub fn classify(
         });
         let mut penetration_m = 0.0f64;
         let mut touches = false;
-        for (depth, body) in scratch.depths.iter().zip(&hand.bodies) {
+        for (depth, body) in scratch.depths.iter().zip(bodies) {
             touches |= depth.touched();
             penetration_m = penetration_m.max(f64::from(depth.depth_m(body)));
         }
-        // Parts that meet no surface are inside or outside as a whole.
-        for (depth, body) in scratch.depths.iter().zip(&hand.bodies) {
-            if depth.touched() {
+        // Parts that meet no surface are inside or outside as a whole; so is a hand of one piece.
+        let outside = !touches && hand.bodies.is_outside(surface, object_from_hand);
+        for (depth, body) in scratch.depths.iter().zip(bodies) {
+            if outside || depth.touched() {
                 continue;
             }
             if let Some(depth_m) = inside_m(surface, body, object_from_hand) {

@@ -177,12 +177,23 @@ impl<const N: usize> Polygon<N> {
     }
 
     /// Cuts away what lies beyond `normal . x <= offset`; returns whether anything is left.
+    #[inline]
+    pub fn clip(&mut self, normal: &Vector3<f32>, offset: f32) -> bool {
+        self.keep_where(|c| normal.dot(c) - offset)
+    }
+
+    /// Cuts away what lies beyond `sign * x[axis] <= offset`; returns whether anything is left.
+    #[inline]
+    pub fn clip_axis(&mut self, axis: usize, sign: f32, offset: f32) -> bool {
+        self.keep_where(|c| sign * c[axis] - offset)
+    }
+
+    /// Keeps what has no positive distance.
     ///
     /// I. Sutherland and G. Hodgman, "Reentrant polygon clipping", CACM 17(1), 1974. In place: a
     /// cut of a convex polygon never writes past what it has read.
     #[inline]
-    pub fn clip(&mut self, normal: &Vector3<f32>, offset: f32) -> bool {
-        let distance = |c: &Vector3<f32>| normal.dot(c) - offset;
+    fn keep_where(&mut self, distance: impl Fn(&Vector3<f32>) -> f32) -> bool {
         let first = self.corners[0];
         let first_distance = distance(&first);
         let (mut a, mut da) = (first, first_distance);

@@ -5,6 +5,7 @@
 //! pieces ([`pieces`]) and a signed distance grid ([`SdfGrid`]). [`Object`] ties them together;
 //! [`set`] reads object sets, and [`shapes`] draws the embedded household objects.
 
+pub(crate) mod blocks;
 pub mod convex;
 pub mod error;
 pub mod io;

@@ -165,18 +165,70 @@ impl Intruder {
     }
 }
 
-/// How deep the object reaches into the worst of some bodies at `object_from_frame`, metres, or
-/// `None` if it meets none of them. A body wholly inside the object counts with the distance of
+/// All parts of a hand at one opening.
+#[derive(Debug, Clone)]
+pub struct Intruders {
+    bodies: Vec<Intruder>,
+    is_one_piece: bool,
+}
+
+impl Intruders {
+    /// Prepares the parts.
+    pub fn new(bodies: Vec<Intruder>) -> Self {
+        Self {
+            is_one_piece: hang_together(&bodies),
+            bodies,
+        }
+    }
+
+    /// The parts.
+    pub fn bodies(&self) -> &[Intruder] {
+        &self.bodies
+    }
+
+    /// Do the parts hang together, so that no surface runs between them without meeting one?
+    pub fn is_one_piece(&self) -> bool {
+        self.is_one_piece
+    }
+
+    /// For parts of which none meets the surface: is the whole hand certainly outside?
+    pub fn is_outside(&self, surface: &Surface, object_from_frame: &Isometry3<f64>) -> bool {
+        let is_out = |b: &Intruder| !surface.may_contain(&(object_from_frame * b.body.centre()));
+        self.is_one_piece && self.bodies.iter().any(is_out)
+    }
+}
+
+/// Can every body be reached from the first through corners that lie in another? True only if so.
+fn hang_together(bodies: &[Intruder]) -> bool {
+    let corner_in = |a: &ConvexBody, b: &ConvexBody| a.vertices.iter().any(|v| b.contains(v));
+    let mut reached = vec![0];
+    let mut next = 0;
+    while next < reached.len() && !bodies.is_empty() {
+        let body = &bodies[reached[next]].body;
+        for (i, other) in bodies.iter().enumerate() {
+            let other = &other.body;
+            if !reached.contains(&i) && (corner_in(body, other) || corner_in(other, body)) {
+                reached.push(i);
+            }
+        }
+        next += 1;
+    }
+    reached.len() == bodies.len()
+}
+
+/// How deep the object reaches into the worst part of a hand at `object_from_frame`, metres, or
+/// `None` if it meets none of them. A part wholly inside the object counts with the distance of
 /// its centre from the surface.
 pub fn penetration_m(
     surface: &Surface,
-    bodies: &[Intruder],
+    hand: &Intruders,
     object_from_frame: &Isometry3<f64>,
 ) -> Option<f64> {
     let frame_from_object = object_from_frame.inverse();
     let mut worst: Option<f64> = None;
     let mut keep = |depth: f64| worst = Some(worst.map_or(depth, |w: f64| w.max(depth)));
-    for group in bodies.chunks(LANES) {
+    let mut apart = Vec::new();
+    for group in hand.bodies.chunks(LANES) {
         let mut lanes = Lanes::default();
         for (lane, body) in group.iter().enumerate() {
             lanes.set(lane, body.min, body.max);
@@ -194,7 +246,15 @@ pub fn penetration_m(
             if depth.touched() {
                 keep(f64::from(depth.depth_m(body)));
             } else {
-                inside_m(surface, body, object_from_frame).map(&mut keep);
+                apart.push(body);
+            }
+        }
+    }
+    // Parts that meet no surface are inside or outside as a whole; so is a hand of one piece.
+    if worst.is_some() || !hand.is_outside(surface, object_from_frame) {
+        for body in apart {
+            if let Some(depth) = inside_m(surface, body, object_from_frame) {
+                worst = Some(worst.map_or(depth, |w| w.max(depth)));
             }
         }
     }

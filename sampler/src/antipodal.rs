@@ -13,7 +13,7 @@ use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use shakedown_gripper_assets::{Grasp, Gripper};
-use shakedown_objects::penetration::{Intruder, penetration_m};
+use shakedown_objects::penetration::{Intruder, Intruders, penetration_m};
 use shakedown_objects::{ConvexBody, Object, Surface};
 
 use crate::seed;
@@ -53,12 +53,14 @@ pub fn sample_antipodal(
     run_seed: u64,
     settings: &AntipodalSettings,
 ) -> Vec<Grasp> {
-    let hand: Vec<Intruder> = gripper
-        .parts_at(gripper.opening_max_m)
-        .iter()
-        .filter_map(|(_, corners)| ConvexBody::hull(corners))
-        .map(Intruder::new)
-        .collect();
+    let hand = Intruders::new(
+        gripper
+            .parts_at(gripper.opening_max_m)
+            .iter()
+            .filter_map(|(_, corners)| ConvexBody::hull(corners))
+            .map(Intruder::new)
+            .collect(),
+    );
     let areas = cumulative_areas(&object.surface);
     (0..count)
         .filter_map(|index| {
@@ -89,7 +91,7 @@ fn cumulative_areas(surface: &Surface) -> Vec<f64> {
 fn draw(
     surface: &Surface,
     gripper: &Gripper,
-    hand: &[Intruder],
+    hand: &Intruders,
     areas: &[f64],
     settings: &AntipodalSettings,
     rng: &mut ChaCha8Rng,
@@ -172,11 +174,9 @@ mod tests {
     #[test]
     fn candidates_are_free_antipodal_and_their_number_does_not_change_them() {
         let gripper = Gripper::load("franka_panda").unwrap();
-        let hand: Vec<Intruder> = gripper
-            .parts_at(gripper.opening_max_m)
-            .iter()
-            .map(|(_, c)| Intruder::new(ConvexBody::hull(c).unwrap()))
-            .collect();
+        let parts = gripper.parts_at(gripper.opening_max_m);
+        let part = |corners| Intruder::new(ConvexBody::hull(corners).unwrap());
+        let hand = Intruders::new(parts.iter().map(|(_, c)| part(c)).collect());
         let settings = AntipodalSettings::default();
         for family in [Family::Box, Family::Mug, Family::Knife] {
             let object = family.member(0).object().unwrap();

@@ -25,7 +25,7 @@ pub(crate) fn start_opening_m(scene: &Scene, object_from_hand: &Isometry3<f64>) 
         for group in parts.chunks(LANES) {
             let mut lanes = Lanes::default();
             for (lane, &i) in group.iter().enumerate() {
-                let (mut min, mut max) = (scene.hand[i].min, scene.hand[i].max);
+                let (mut min, mut max) = (scene.hand.bodies()[i].min, scene.hand.bodies()[i].max);
                 // The way to the middle of the hand.
                 if sign > 0.0 {
                     min.x = 0.0;
@@ -39,7 +39,7 @@ pub(crate) fn start_opening_m(scene: &Scene, object_from_hand: &Isometry3<f64>) 
                 .visit_near(&hand_from_object, &mut lanes, |_, _, triangle, mask| {
                     for (lane, &i) in group.iter().enumerate() {
                         if mask >> lane & 1 == 1 {
-                            let body = &scene.hand[i];
+                            let body = &scene.hand.bodies()[i];
                             let face = if sign > 0.0 { body.min.x } else { -body.max.x };
                             let reach =
                                 triangle.iter().map(|v| sign * v.x).fold(f32::MIN, f32::max);

@@ -7,7 +7,7 @@ use crate::rapier::parry::bounding_volume::Aabb;
 use crate::rapier::prelude::{MassProperties, SharedShape, TriMeshFlags};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use shakedown_gripper_assets::{Gripper, Part};
-use shakedown_objects::penetration::Intruder;
+use shakedown_objects::penetration::{Intruder, Intruders};
 use shakedown_objects::pieces::{PieceSettings, decompose_cached};
 use shakedown_objects::{ConvexBody, Object, Surface};
 
@@ -77,7 +77,7 @@ pub struct Scene {
     pub(crate) palm_shapes: Vec<(Pose, SharedShape)>,
     pub(crate) finger_shapes: Vec<(Pose, SharedShape)>,
     /// All parts of the open hand, hand frame; `finger_parts` are those of left and right.
-    pub(crate) hand: Vec<Intruder>,
+    pub(crate) hand: Intruders,
     pub(crate) finger_parts: [Vec<usize>; 2],
     pub(crate) surface: Surface,
 }
@@ -179,7 +179,7 @@ impl Scene {
                 let first = gripper.palm.len() + side * gripper.finger.len();
                 (first..first + gripper.finger.len()).collect()
             }),
-            hand,
+            hand: Intruders::new(hand),
             surface: object.surface.clone(),
             protocol: protocol.clone(),
         })
