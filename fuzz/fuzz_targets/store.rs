@@ -4,7 +4,8 @@
 use std::fs::{self, File};
 
 use shakedown_report::journal::{self, Journal};
-use shakedown_report::{Results, rows};
+use shakedown_report::results::Results;
+use shakedown_report::rows;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let Some((kind, rest)) = bytes.split_first() else {

@@ -142,3 +142,57 @@ fn broken_files_of_every_format_are_errors_not_panics() {
         assert!(read_grasps(&path, &ReadOptions::default()).is_err());
     }
 }
+
+/// An archive with one array that is nothing but its header.
+fn archive_of(header: &str) -> Vec<u8> {
+    let mut array = b"\x93NUMPY\x01\x00".to_vec();
+    array.extend((header.len() as u16).to_le_bytes());
+    array.extend(header.as_bytes());
+    let crc = !array.iter().fold(!0u32, |crc, b| {
+        (0..8).fold(crc ^ u32::from(*b), |c, _| {
+            (c >> 1) ^ (0xedb8_8320 & (c & 1).wrapping_neg())
+        })
+    });
+    let name = b"transforms.npy";
+    let mut fields = [20u16, 0, 0, 0, 0].map(u16::to_le_bytes).concat();
+    for number in [crc, array.len() as u32, array.len() as u32] {
+        fields.extend(number.to_le_bytes());
+    }
+    fields.extend((name.len() as u16).to_le_bytes());
+    fields.extend([0; 2]);
+    let mut file = [b"PK\x03\x04", &fields[..], name, &array[..]].concat();
+    let start = file.len() as u32;
+    file.extend([b"PK\x01\x02\x14\x00", &fields[..], &[0; 14], name].concat());
+    let size = file.len() as u32 - start;
+    file.extend(b"PK\x05\x06\0\0\0\0\x01\0\x01\0");
+    file.extend([size, start].map(u32::to_le_bytes).concat());
+    file.extend([0; 2]);
+    file
+}
+
+#[test]
+fn an_archive_that_would_be_parsed_for_ever_or_fill_the_memory_is_an_error() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("grasps.npz");
+    let complaint = |header: &str| {
+        fs::write(&path, archive_of(header)).unwrap();
+        let options = ReadOptions {
+            frame: Some(HandFrame::Acronym),
+            ..ReadOptions::default()
+        };
+        read_grasps(&path, &options).unwrap_err().to_string()
+    };
+    let header =
+        |shape: &str| format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let error = complaint(&header("(0, 4, 4)"));
+    assert!(
+        error.contains("none"),
+        "a sound archive without grasps: {error}"
+    );
+    // Found by fuzzing: the parser tries every way to read each bracket.
+    let nested = "{0:".repeat(60);
+    let error = complaint(&nested);
+    assert!(error.contains("grasps.npz"), "{error}");
+    let error = complaint(&header("(1000000000, 4, 4)"));
+    assert!(error.contains("numbers"), "{error}");
+}

@@ -15,6 +15,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::error::{ObjectError, Place};
+use crate::io::{MESH_BYTES_MAX, read_at_most};
 use crate::object::ObjectSpec;
 
 #[derive(serde::Deserialize)]
@@ -59,7 +60,8 @@ pub fn read_set(path: &Path) -> Result<Vec<ObjectSpec>, ObjectError> {
     for entry in set.object {
         let mesh = directory.join(&entry.mesh);
         if let Some(expected) = &entry.blake3 {
-            let bytes = fs::read(&mesh).map_err(|e| ObjectError::io(&mesh, e))?;
+            let bytes =
+                read_at_most(&mesh, MESH_BYTES_MAX).map_err(|e| ObjectError::io(&mesh, e))?;
             let found = blake3::hash(&bytes).to_hex().to_string();
             if &found != expected {
                 return Err(bad(

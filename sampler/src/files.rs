@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use shakedown_objects::io::read_at_most;
+
 use crate::card::{ModelCard, ModelError};
 
 /// The three files of a model.
@@ -40,7 +42,16 @@ pub fn built_in_names() -> impl Iterator<Item = &'static str> {
     BUILT_IN.iter().map(|m| m.0)
 }
 
+/// Largest file of a model that is read, bytes.
+const MODEL_BYTES_MAX: u64 = 256 << 20;
+
 impl ModelFiles {
+    /// Do both graphs come from this binary?
+    pub fn is_built_in(&self) -> bool {
+        let is_own = |graph: &Cow<'static, [u8]>| matches!(graph, Cow::Borrowed(_));
+        is_own(&self.encoder) && is_own(&self.velocity)
+    }
+
     /// A built-in model by name, or the files of a directory.
     ///
     /// # Errors
@@ -79,7 +90,7 @@ impl ModelFiles {
             if !path.exists() {
                 return Err(ModelError::bad(&path, "the file is missing"));
             }
-            fs::read(&path).map_err(|source| ModelError::Io { path, source })
+            read_at_most(&path, MODEL_BYTES_MAX).map_err(|source| ModelError::Io { path, source })
         };
         let card = directory.join("model.toml");
         let card = fs::read_to_string(&card).map_err(|source| ModelError::Io {

@@ -14,6 +14,8 @@ pub mod seed;
 pub mod network;
 #[cfg(feature = "onnx")]
 pub mod runtime;
+#[cfg(feature = "onnx")]
+mod vet;
 
 pub use antipodal::{AntipodalSettings, sample_antipodal};
 pub use card::{Integrator, ModelCard, ModelError};

@@ -14,6 +14,7 @@ use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, step};
 use crate::runtime::{Runtime, runtime};
 use crate::seed;
+use crate::vet::vet;
 
 /// Samples that go through the velocity network at once.
 const BATCH: usize = 256;
@@ -76,6 +77,7 @@ impl FlowModel {
             .map_err(|e: String| ModelError::bad(&toml, format!("frame: {e}")))?;
         let encoder_path = directory.join("encoder.onnx");
         let velocity_path = directory.join("velocity.onnx");
+        vet_files(files, &card, [&encoder_path, &velocity_path], ort)?;
         let (runtime, encoder) = session(&encoder_path, &files.encoder, ort)?;
         let (_, velocity) = session(&velocity_path, &files.velocity, ort)?;
         let d = card.resolution as i64;
@@ -320,6 +322,39 @@ impl VelocityField for Bound<'_> {
             })
             .collect())
     }
+}
+
+/// Graphs from outside are tried where they can do no harm, if tract is to run them.
+fn vet_files(
+    files: &ModelFiles,
+    card: &ModelCard,
+    [encoder_path, velocity_path]: [&Path; 2],
+    ort: Option<&Path>,
+) -> Result<(), ModelError> {
+    let (runtime, _) = runtime(ort).map_err(|e| ModelError::bad(encoder_path, e))?;
+    if files.is_built_in() || runtime.name != "tract" {
+        return Ok(());
+    }
+    let d = card.resolution;
+    let grid = move |n: usize| vec![n, 1, d, d, d];
+    let latent = vet(&files.encoder, |name| match name {
+        "sdf" => Some(grid(1)),
+        "scale" => Some(vec![1, 1]),
+        _ => None,
+    })
+    .map_err(|e| ModelError::bad(encoder_path, e))?;
+    // A batch of two, so that no dimension of one hides a wrong shape.
+    vet(&files.velocity, |name| match name {
+        "latent" => Some(vec![2, latent?]),
+        "rotation" => Some(vec![2, 3, 3]),
+        "translation" => Some(vec![2, 3]),
+        "time" | "scale" => Some(vec![2, 1]),
+        "sdf" => Some(grid(2)),
+        "sdf_at_points" => Some(vec![2, card.control_points_m.len()]),
+        _ => None,
+    })
+    .map_err(|e| ModelError::bad(velocity_path, e))?;
+    Ok(())
 }
 
 fn session(

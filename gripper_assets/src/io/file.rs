@@ -181,12 +181,24 @@ impl Default for ReadOptions {
     }
 }
 
+/// Largest grasp file that is read, bytes: some ten million grasps.
+pub const GRASP_BYTES_MAX: u64 = 1 << 30;
+
 /// Reads a grasp file of any known format.
 ///
 /// # Errors
 /// An unreadable file, a missing or misshapen field, a rotation that is none, no grasps, or a
 /// pose list without a frame; always with the place in the file.
 pub fn read_grasps(path: &Path, options: &ReadOptions) -> Result<GraspFile, GraspError> {
+    let size = fs::metadata(path).map_err(|e| GraspError::io(path, e))?;
+    if !size.is_file() || size.len() > GRASP_BYTES_MAX {
+        return Err(GraspError::bad(
+            path,
+            "the file",
+            format!("no plain file of at most {} MiB", GRASP_BYTES_MAX >> 20),
+            "split it into several files",
+        ));
+    }
     let format = match options.format {
         Some(f) => f,
         None => GraspFormat::detect(path)?,

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::BufReader;
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use npyz::WriterBuilder as _;
@@ -14,12 +15,20 @@ use super::file::{
 use crate::error::GraspError;
 use crate::grasp::pose_of_matrix;
 
+/// Steps of the parser on the header of an array; a proper one takes a few hundred.
+const HEADER_STEPS_MAX: Option<NonZeroUsize> = NonZeroUsize::new(1_000_000);
+
+/// Most numbers of an array: four million poses.
+const NUMBERS_MAX: u64 = 1 << 26;
+
 type Archive = NpzArchive<BufReader<File>>;
 
 /// Numbers in C order and their shape.
 type Array = (Vec<f64>, Vec<u64>);
 
 pub(super) fn read(path: &Path, options: &ReadOptions) -> Result<GraspFile, GraspError> {
+    // The header is a Python literal, whose parser takes for ever on some that are deeply nested.
+    pest::set_call_limit(HEADER_STEPS_MAX);
     let mut npz = NpzArchive::open(path).map_err(|e| {
         GraspError::bad(path, "archive", e.to_string(), "write it with numpy.savez")
     })?;
@@ -75,6 +84,12 @@ fn floats(npz: &mut Archive, path: &Path, key: &str) -> Result<Option<Array>, Gr
         return Ok(None);
     };
     let shape = array.shape().to_vec();
+    // A small archive can unpack to any size.
+    let numbers = shape.iter().try_fold(1u64, |n, d| n.checked_mul(*d));
+    if numbers.is_none_or(|n| n > NUMBERS_MAX) {
+        let what = format!("its shape is {shape:?}: over {NUMBERS_MAX} numbers");
+        return Err(bad(path, key, what));
+    }
     if array.order() != npyz::Order::C && shape.len() > 1 {
         return Err(bad(path, key, "the array is in Fortran order".into()));
     }
@@ -106,6 +121,9 @@ fn frame_name(npz: &mut Archive, path: &Path) -> Result<Option<String>, GraspErr
     let Some(array) = npz.by_name("frame").map_err(io)? else {
         return Ok(None);
     };
+    if array.len() > 1 || array.dtype().num_bytes().is_none_or(|n| n > 1024) {
+        return Err(bad(path, "frame", "it is not one short word".into()));
+    }
     let array = match array.try_data::<String>() {
         Ok(mut data) => return data.next().transpose().map_err(io),
         Err(array) => array,

@@ -8,4 +8,4 @@ pub mod stl;
 
 mod read;
 
-pub use read::{MeshFormat, parse_mesh, read_mesh};
+pub use read::{MESH_BYTES_MAX, MeshFormat, parse_mesh, read_at_most, read_mesh};

@@ -1,6 +1,7 @@
 //! Recognises a mesh file by its content and hands it to the right reader.
 
-use std::fs;
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use super::{gltf, obj, off, ply, stl};
@@ -51,12 +52,34 @@ impl MeshFormat {
     }
 }
 
+/// Largest mesh file that is read, bytes: some ten million triangles. What a file unpacks to stays
+/// within a small multiple.
+pub const MESH_BYTES_MAX: u64 = 512 << 20;
+
+/// The bytes of a file that must not be larger than `limit`; a stranger's file may be a device
+/// without end.
+///
+/// # Errors
+/// Those of reading, and `FileTooLarge`.
+pub fn read_at_most(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > limit {
+        let what = format!(
+            "the file has over {} MiB, the most that is read",
+            limit >> 20
+        );
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
+    }
+    Ok(bytes)
+}
+
 /// Returns the validated mesh of a file, in file units, and what was mended.
 ///
 /// # Errors
 /// [`ObjectError`] naming the file, the line or face, and the mend.
 pub fn read_mesh(path: &Path) -> Result<(TriMesh, MeshReport), ObjectError> {
-    let bytes = fs::read(path).map_err(|e| ObjectError::io(path, e))?;
+    let bytes = read_at_most(path, MESH_BYTES_MAX).map_err(|e| ObjectError::io(path, e))?;
     parse_mesh(&bytes, path)
 }
 

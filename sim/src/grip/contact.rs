@@ -11,7 +11,7 @@ use shakedown_objects::surface::{LANES, Lanes};
 use super::box_triangle::{Cone, Meeting, meet};
 use crate::convert;
 use crate::protocol::BoxContacts;
-use crate::rapier::math::{Pose, Vector};
+use crate::rapier::math::{Pose, Real, Vector};
 use crate::rapier::parry::bounding_volume::{Aabb, BoundingVolume};
 use crate::rapier::parry::query::{
     ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher,
@@ -33,6 +33,10 @@ pub(super) struct Spot {
     pub depth_m: f64,
 }
 
+/// Parry meets triangles in centimetres: it leaves out edges by an absolute length, 0.35 mm were they
+/// metres.
+const PER_M: f32 = 100.0;
+
 /// A convex part of the hand.
 struct HandPart {
     solid: usize,
@@ -41,6 +45,8 @@ struct HandPart {
     /// With closed fingers.
     hand_from_part: Isometry3<f64>,
     shape: SharedShape,
+    /// The same in centimetres, if parry holds it against triangles.
+    large: SharedShape,
     /// Its box, own frame.
     local: Aabb,
     /// Of its box around, hand frame, with closed fingers.
@@ -96,11 +102,17 @@ impl Finder {
                 let corner = |v: Vector| convert::from_vector(v).map(|x| x as f32);
                 let cuboid = shape.as_cuboid().filter(|_| own);
                 let half = cuboid.map(|c| corner(c.half_extents));
+                let meets_triangles = solid != PALM && half.is_none();
+                let large = meets_triangles.then(|| {
+                    let large = shape.scale_dyn(Vector::splat(PER_M as _), 1);
+                    SharedShape(large.expect("a convex shape can be scaled").into())
+                });
                 parts.push(HandPart {
                     solid,
                     half,
                     hand_from_part,
                     shape: shape.clone(),
+                    large: large.unwrap_or_else(|| shape.clone()),
                     local: shape.compute_local_aabb(),
                     min: corner(aabb.mins),
                     max: corner(aabb.maxs),
@@ -148,13 +160,10 @@ impl Finder {
         let (manifold, spots) = (&mut self.manifold, &mut self.spots);
         let fingers = self.parts.iter().filter(|p| p.solid != PALM).count();
         for group in self.parts[..fingers].chunks(LANES) {
-            let mut lanes = Lanes::default();
+            let mut lanes = lanes(group, shifts, prediction);
             let mut places = [Place::NONE; LANES];
-            let margin = Vector3::repeat(prediction as f32);
             for (lane, part) in group.iter().enumerate() {
                 let shift = Vector3::new(shifts[part.solid], 0.0, 0.0);
-                let by = shift.map(|x| x as f32);
-                lanes.set(lane, part.min + by - margin, part.max + by + margin);
                 let hand_from_part = Translation3::from(shift) * part.hand_from_part;
                 places[lane] = Place::new(&hand_from_part, &hand_from_object);
             }
@@ -180,9 +189,8 @@ impl Finder {
                         continue;
                     }
                     let [a, b, c] = corners.map(|v| {
-                        place
-                            .part_from_hand
-                            .transform_point(Vector::new(v.x as _, v.y as _, v.z as _))
+                        let at = Vector::new(v.x as _, v.y as _, v.z as _);
+                        place.part_from_hand.transform_point(at) * PER_M as Real
                     });
                     let turn = place.part_from_hand.rotation * turn;
                     let vector = |v: &Vector3<f32>| Vector::new(v.x as _, v.y as _, v.z as _);
@@ -194,14 +202,18 @@ impl Finder {
                     manifold.clear();
                     let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
                         &Pose::IDENTITY,
-                        &*part.shape,
+                        &*part.large,
                         &Triangle::new(a, b, c),
                         None,
                         Some(&cone),
-                        prediction as _,
+                        prediction as Real * PER_M as Real,
                         manifold,
                     );
                     let hand_from_part = place.part_from_hand.inverse();
+                    for point in &mut manifold.points {
+                        point.local_p1 /= PER_M as Real;
+                        point.dist /= PER_M as Real;
+                    }
                     push(spots, manifold, part.solid, &hand_from_part, prediction);
                 }
                 ControlFlow::Continue(())
@@ -265,6 +277,17 @@ impl Finder {
             }
         }
     }
+}
+
+/// The boxes of some parts, larger by `margin_m`.
+fn lanes(group: &[HandPart], shifts: &[f64; 3], margin_m: f64) -> Lanes {
+    let mut lanes = Lanes::default();
+    let margin = Vector3::repeat(margin_m as f32);
+    for (lane, part) in group.iter().enumerate() {
+        let by = Vector3::new(shifts[part.solid] as f32, 0.0, 0.0);
+        lanes.set(lane, part.min + by - margin, part.max + by + margin);
+    }
+    lanes
 }
 
 fn push(
