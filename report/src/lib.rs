@@ -1,6 +1,8 @@
 //! What people and CI read: the run directory of the contract and its files.
 
 pub mod baseline;
+#[cfg(feature = "parquet")]
+pub mod columnar;
 pub mod comparison;
 pub mod glb;
 pub mod html;

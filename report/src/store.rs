@@ -262,6 +262,8 @@ pub fn write_summary(
     write_whole(&directory.join("summary.json"), json.as_bytes())?;
     let text = markdown::summary(manifest, summary);
     write_whole(&directory.join("summary.md"), text.as_bytes())?;
+    #[cfg(feature = "parquet")]
+    crate::columnar::write(directory).map_err(io(&directory.join(crate::columnar::FILE)))?;
     let collected = html::collect::collect(directory, manifest).map_err(Box::new)?;
     let page = html::page::page(manifest, summary, &collected);
     write_whole(&directory.join("report.html"), page.as_bytes())

@@ -2,10 +2,7 @@
 //! its C interface turns a panic into an abort; or it can ask for more memory than there is. So each
 //! graph is read, measured and run once here first.
 
-use std::cell::Cell;
-use std::panic::{self, AssertUnwindSafe};
-use std::sync::Once;
-
+use shakedown_objects::io::caught;
 use tract_onnx::pb::{ModelProto, TensorProto};
 use tract_onnx::prelude::*;
 
@@ -27,17 +24,16 @@ const SHAPED: [&str; 6] = [
 /// first output has, if it ran.
 ///
 /// # Errors
-/// A panic on the way, or a tensor beyond all measure. What tract refuses in good order is left to
-/// whoever loads the graph.
+/// A graph that tract refuses or panics on, a tensor beyond all measure. A failing run is left to whoever
+/// knows the shapes that were asked for.
 pub(crate) fn vet(
     bytes: &[u8],
     shape_of: impl Fn(&str) -> Option<Vec<usize>>,
 ) -> Result<Option<usize>, String> {
-    quietly(|| {
+    let vetted = caught(|| {
         let onnx = onnx();
-        let Ok(proto) = onnx.proto_model_for_read(&mut &*bytes) else {
-            return Ok(None);
-        };
+        let proto = onnx.proto_model_for_read(&mut &*bytes).map_err(unusable)?;
+        check_names(&proto)?;
         measure_constants(&proto, bytes.len())?;
         let inputs: Option<Vec<(String, Tensor)>> = proto.graph.as_ref().and_then(|graph| {
             let input = |i: &tract_onnx::pb::ValueInfoProto| {
@@ -46,18 +42,45 @@ pub(crate) fn vet(
             };
             graph.input.iter().map(input).collect()
         });
-        let Ok(parsed) = onnx.parse(&proto, None) else {
-            return Ok(None);
-        };
-        let Ok(typed) = parsed.model.into_typed() else {
-            return Ok(None);
-        };
+        let parsed = onnx.parse(&proto, None).map_err(unusable)?;
+        let typed = parsed.model.into_typed().map_err(unusable)?;
         measure(&typed)?;
         let Some(inputs) = inputs else {
             return Ok(None);
         };
         Ok(run(typed, inputs).ok())
-    })
+    });
+    vetted.unwrap_or_else(|panic| Err(unusable(panic)))
+}
+
+fn unusable(why: impl std::fmt::Display) -> String {
+    format!("not a usable ONNX graph: {why}")
+}
+
+/// A name with a zero byte cannot pass through the C interface, not even in an error.
+fn check_names(proto: &ModelProto) -> Result<(), String> {
+    let Some(graph) = &proto.graph else {
+        return Ok(());
+    };
+    let values = graph
+        .input
+        .iter()
+        .chain(&graph.output)
+        .chain(&graph.value_info);
+    let nodes = graph.node.iter().flat_map(|n| {
+        let of_node = [&n.name, &n.op_type, &n.domain];
+        let attributes = n.attribute.iter().map(|a| &a.name);
+        let tensors = n.input.iter().chain(&n.output);
+        of_node.into_iter().chain(tensors).chain(attributes)
+    });
+    let mut names = (values.map(|v| &v.name))
+        .chain(graph.initializer.iter().map(|t| &t.name))
+        .chain(nodes)
+        .chain([&graph.name]);
+    match names.find(|n| n.contains('\0')) {
+        Some(name) => Err(unusable(format!("the name {name:?} holds a zero byte"))),
+        None => Ok(()),
+    }
 }
 
 fn run(typed: TypedModel, inputs: Vec<(String, Tensor)>) -> TractResult<usize> {
@@ -68,31 +91,6 @@ fn run(typed: TypedModel, inputs: Vec<(String, Tensor)>) -> TractResult<usize> {
         .into_runnable()?;
     let outputs = plan.run(inputs.into_iter().map(|(_, t)| t.into_tvalue()).collect())?;
     Ok(outputs.first().map_or(0, |t| t.len()))
-}
-
-/// Runs `f`; a panic inside becomes an error, without a word on stderr.
-fn quietly<T>(f: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    thread_local!(static QUIET: Cell<bool> = const { Cell::new(false) });
-    static HOOK: Once = Once::new();
-    HOOK.call_once(|| {
-        let usual = panic::take_hook();
-        panic::set_hook(Box::new(move |info| {
-            if !QUIET.get() {
-                usual(info);
-            }
-        }));
-    });
-    QUIET.set(true);
-    let result = panic::catch_unwind(AssertUnwindSafe(f));
-    QUIET.set(false);
-    result.unwrap_or_else(|payload| {
-        let text = (payload.downcast_ref::<String>().map(String::as_str))
-            .or_else(|| payload.downcast_ref::<&str>().copied());
-        Err(format!(
-            "not a usable ONNX graph: {}",
-            text.unwrap_or("tract gives up on it")
-        ))
-    })
 }
 
 /// No constant states more numbers than the file can hold, and none is the shape of a monster.

@@ -40,6 +40,13 @@ fn a_graph_on_which_tract_panics_is_an_error() {
 }
 
 #[test]
+fn a_zero_byte_in_a_name_is_an_error() {
+    // The C interface cannot say such a name: found by fuzzing.
+    let error = complaint(|m| m.graph.as_mut().unwrap().node[0].name = "a\0b".into());
+    assert!(error.contains("zero byte"), "{error}");
+}
+
+#[test]
 fn a_constant_larger_than_its_file_is_refused_before_it_takes_memory() {
     let error = complaint(|m| {
         let huge = constant("huge", &[1 << 20, 1 << 20], vec![1.0]);

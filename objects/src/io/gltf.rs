@@ -193,6 +193,14 @@ mod tests {
     }
 
     #[test]
+    fn a_scene_on_which_the_reader_panics_is_an_error() {
+        // An accessor that is not there: found by fuzzing.
+        let text = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":5}}]}]}"#;
+        let error = crate::io::parse_mesh(text.as_bytes(), Path::new("scene.gltf")).unwrap_err();
+        assert!(error.to_string().contains("scene.gltf"), "{error}");
+    }
+
+    #[test]
     fn scenes_that_would_panic_loop_or_read_elsewhere_are_errors() {
         // Positions as integers: found by fuzzing.
         let error = complaint("5126", "5123");

@@ -6,6 +6,8 @@ pub mod off;
 pub mod ply;
 pub mod stl;
 
+mod guard;
 mod read;
 
+pub use guard::caught;
 pub use read::{MESH_BYTES_MAX, MeshFormat, parse_mesh, read_at_most, read_mesh};

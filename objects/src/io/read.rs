@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
+use super::guard::caught;
 use super::{gltf, obj, off, ply, stl};
 use crate::error::{ObjectError, Place};
 use crate::mesh::{MeshReport, RawMesh, TriMesh};
@@ -104,12 +105,21 @@ pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<(TriMesh, MeshReport), Ob
             "use OBJ, STL, PLY, glTF/GLB or OFF, with that extension",
         )
     })?;
-    let raw: RawMesh = match format {
-        MeshFormat::Obj => obj::parse(bytes, path)?,
-        MeshFormat::Stl => stl::parse(bytes, path)?,
-        MeshFormat::Ply => ply::parse(bytes, path)?,
-        MeshFormat::Gltf => gltf::parse(bytes, path)?,
-        MeshFormat::Off => off::parse(bytes, path)?,
-    };
+    let parsed = caught(|| match format {
+        MeshFormat::Obj => obj::parse(bytes, path),
+        MeshFormat::Stl => stl::parse(bytes, path),
+        MeshFormat::Ply => ply::parse(bytes, path),
+        MeshFormat::Gltf => gltf::parse(bytes, path),
+        MeshFormat::Off => off::parse(bytes, path),
+    });
+    let raw: RawMesh = parsed.unwrap_or_else(|panic| {
+        let what = format!("the file is damaged: {panic}");
+        Err(ObjectError::bad(
+            path,
+            Place::Whole,
+            what,
+            "export the mesh again",
+        ))
+    })?;
     TriMesh::from_raw(raw, path)
 }

@@ -35,7 +35,7 @@ pub(super) struct Spot {
 
 /// Parry meets triangles in centimetres: it leaves out edges by an absolute length, 0.35 mm were they
 /// metres.
-const PER_M: f32 = 100.0;
+const PER_M: Real = 100.0;
 
 /// A convex part of the hand.
 struct HandPart {
@@ -104,7 +104,7 @@ impl Finder {
                 let half = cuboid.map(|c| corner(c.half_extents));
                 let meets_triangles = solid != PALM && half.is_none();
                 let large = meets_triangles.then(|| {
-                    let large = shape.scale_dyn(Vector::splat(PER_M as _), 1);
+                    let large = shape.scale_dyn(Vector::splat(PER_M), 1);
                     SharedShape(large.expect("a convex shape can be scaled").into())
                 });
                 parts.push(HandPart {
@@ -190,7 +190,7 @@ impl Finder {
                     }
                     let [a, b, c] = corners.map(|v| {
                         let at = Vector::new(v.x as _, v.y as _, v.z as _);
-                        place.part_from_hand.transform_point(at) * PER_M as Real
+                        place.part_from_hand.transform_point(at) * PER_M
                     });
                     let turn = place.part_from_hand.rotation * turn;
                     let vector = |v: &Vector3<f32>| Vector::new(v.x as _, v.y as _, v.z as _);
@@ -206,13 +206,13 @@ impl Finder {
                         &Triangle::new(a, b, c),
                         None,
                         Some(&cone),
-                        prediction as Real * PER_M as Real,
+                        prediction as Real * PER_M,
                         manifold,
                     );
                     let hand_from_part = place.part_from_hand.inverse();
                     for point in &mut manifold.points {
-                        point.local_p1 /= PER_M as Real;
-                        point.dist /= PER_M as Real;
+                        point.local_p1 /= PER_M;
+                        point.dist /= PER_M;
                     }
                     push(spots, manifold, part.solid, &hand_from_part, prediction);
                 }
