@@ -113,7 +113,8 @@ fn the_own_hand_fills_the_space_of_the_hand_that_acronym_used() {
     let surface = shakedown_objects::Surface::new(mesh, report.is_watertight());
     let gripper = Gripper::load("franka_panda").unwrap();
     let hand = HandModel::new(&gripper, gripper.opening_max_m).unwrap();
-    let inside_own = |p: &nalgebra::Point3<f64>| hand.bodies.iter().any(|b| b.body.contains(p));
+    let inside_own =
+        |p: &nalgebra::Point3<f64>| hand.bodies.bodies().iter().any(|b| b.body.contains(p));
     let (lo, hi) = surface.mesh().bounds();
     let (mut both, mut either) = (0u32, 0u32);
     let n = 40;
