@@ -143,6 +143,13 @@ fn broken_files_of_every_format_are_errors_not_panics() {
     }
 }
 
+#[test]
+fn what_is_no_plain_file_is_refused_before_it_is_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let error = read_grasps(directory.path(), &ReadOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("no plain file"), "{error}");
+}
+
 /// An archive with one array that is nothing but its header.
 fn archive_of(header: &str) -> Vec<u8> {
     let mut array = b"\x93NUMPY\x01\x00".to_vec();

@@ -123,3 +123,20 @@ pub fn parse_mesh(bytes: &[u8], path: &Path) -> Result<(TriMesh, MeshReport), Ob
     })?;
     TriMesh::from_raw(raw, path)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_beyond_the_limit_is_an_error_even_if_it_never_ends() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("three");
+        std::fs::write(&path, b"abc").unwrap();
+        assert_eq!(read_at_most(&path, 3).unwrap(), b"abc");
+        let error = read_at_most(&path, 2).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
+        #[cfg(unix)]
+        assert!(read_at_most(Path::new("/dev/zero"), 1 << 16).is_err());
+    }
+}
