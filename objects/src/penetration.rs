@@ -226,7 +226,7 @@ pub fn penetration_m(
 ) -> Option<f64> {
     let frame_from_object = object_from_frame.inverse();
     let mut worst: Option<f64> = None;
-    let mut keep = |depth: f64| worst = Some(worst.map_or(depth, |w: f64| w.max(depth)));
+    let deeper = |worst: Option<f64>, depth_m: f64| Some(worst.map_or(depth_m, |w| w.max(depth_m)));
     let mut apart = Vec::new();
     for group in hand.bodies.chunks(LANES) {
         let mut lanes = Lanes::default();
@@ -244,7 +244,7 @@ pub fn penetration_m(
         });
         for (depth, body) in depths.iter().zip(group) {
             if depth.touched() {
-                keep(f64::from(depth.depth_m(body)));
+                worst = deeper(worst, f64::from(depth.depth_m(body)));
             } else {
                 apart.push(body);
             }
@@ -254,7 +254,7 @@ pub fn penetration_m(
     if worst.is_some() || !hand.is_outside(surface, object_from_frame) {
         for body in apart {
             if let Some(depth) = inside_m(surface, body, object_from_frame) {
-                worst = Some(worst.map_or(depth, |w| w.max(depth)));
+                worst = deeper(worst, depth);
             }
         }
     }
