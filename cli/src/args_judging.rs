@@ -223,6 +223,9 @@ pub struct TrainArgs {
     /// With --rectify: paths per object
     #[arg(long, default_value_t = 1000, value_name = "N")]
     pub paths: u64,
+    /// With --rectify: the end of a path is good only if it also holds in a trial
+    #[arg(long, requires = "rectify")]
+    pub try_ends: bool,
     /// Steps, instead of the preset's
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,

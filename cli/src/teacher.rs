@@ -10,6 +10,7 @@ use shakedown_gripper_assets::Gripper;
 use shakedown_metrics::hold_model::HoldJudge;
 use shakedown_objects::{Object, Surface};
 use shakedown_sampler::{FlowModel, seed};
+use shakedown_sim::{Scene, run_trial};
 use shakedown_trainer::TaughtPath;
 
 use crate::args_judging::TrainArgs;
@@ -25,12 +26,13 @@ const RING_RAD: f64 = 0.25;
 /// No path that is taught begins within this many steps of the end.
 const LATEST_STEPS: usize = 2;
 
-/// What geometry approves of on one object.
+/// What is approved of on one object: by geometry, and, with a scene, by the trial as well.
 pub struct Approval<'a> {
     hand: HandModel,
     judge: HoldJudge,
     surface: &'a Surface,
     least_p_hold: f64,
+    scene: Option<Scene>,
 }
 
 impl<'a> Approval<'a> {
@@ -42,7 +44,16 @@ impl<'a> Approval<'a> {
             judge: HoldJudge::new(object, object.mass.mass_kg, false),
             surface: &object.surface,
             least_p_hold,
+            scene: None,
         })
+    }
+
+    /// Approves only of what also holds in a trial.
+    pub fn with_trial(self, scene: Scene) -> Self {
+        Self {
+            scene: Some(scene),
+            ..self
+        }
     }
 
     fn verdict(&self, pose: &Isometry3<f64>) -> Verdict {
@@ -61,10 +72,13 @@ impl<'a> Approval<'a> {
         self.likely(pose, &self.verdict(pose))
     }
 
-    /// No collision, within reach, and as likely to hold as is asked.
+    /// No collision, within reach, as likely to hold as is asked, and held if it is tried.
     pub fn is_good(&self, pose: &Isometry3<f64>) -> bool {
         let verdict = self.verdict(pose);
-        verdict.class() == Class::Optimal && self.likely(pose, &verdict)
+        let held = |scene| run_trial(scene, pose).is_held();
+        verdict.class() == Class::Optimal
+            && self.likely(pose, &verdict)
+            && self.scene.as_ref().is_none_or(held)
     }
 }
 

@@ -202,12 +202,26 @@ impl Context<'_> {
         let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
         if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
             let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
-            let approval = Approval::new(object, self.gripper, least)?;
+            let mut approval = Approval::new(object, self.gripper, least)?;
+            if self.args.try_ends {
+                approval = approval.with_trial(self.scene(object)?);
+            }
             let paths = teacher.paths(object, self.gripper, &approval, self.global.seed)?;
             let weight = preset.training.translation_weight;
             trained.rectify(&paths, weight, tcp_z_m);
         }
         Ok(trained)
+    }
+
+    fn scene(&self, object: &Object) -> Result<Scene, Failure> {
+        let cache = shakedown_objects::pieces::default_cache_directory();
+        Ok(Scene::new(
+            object,
+            self.gripper,
+            self.protocol,
+            None,
+            cache.as_deref(),
+        )?)
     }
 
     fn object(&self, source: &Source) -> Result<Object, Failure> {
@@ -279,8 +293,7 @@ impl Context<'_> {
         if grasps.is_empty() {
             return Ok((object, grasps));
         }
-        let cache = shakedown_objects::pieces::default_cache_directory();
-        let scene = Scene::new(&object, self.gripper, self.protocol, None, cache.as_deref())?;
+        let scene = self.scene(&object)?;
         grasps.par_iter_mut().for_each(|g| {
             g.label = Some(run_trial(&scene, &g.object_from_hand).is_held());
         });

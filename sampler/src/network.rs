@@ -19,6 +19,11 @@ use crate::vet::vet;
 /// Samples that go through the velocity network at once.
 const BATCH: usize = 256;
 
+/// Batches with which graphs from outside are measured. One object is encoded at a time; a velocity
+/// network that looks at whole grids would fill the memory long before [`BATCH`].
+const MEASURED_OBJECTS: usize = 1;
+const MEASURED_SAMPLES: usize = 64;
+
 /// What the velocity network wants besides pose, time and latent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Extras {
@@ -337,14 +342,14 @@ fn vet_files(
     }
     let d = card.resolution;
     let grid = move |n: usize| vec![n, 1, d, d, d];
-    let latent = vet(&files.encoder, |name| match name {
+    let latent = vet(&files.encoder, MEASURED_OBJECTS, |name| match name {
         "sdf" => Some(grid(1)),
         "scale" => Some(vec![1, 1]),
         _ => None,
     })
     .map_err(|e| ModelError::bad(encoder_path, e))?;
     // A batch of two, so that no dimension of one hides a wrong shape.
-    vet(&files.velocity, |name| match name {
+    vet(&files.velocity, MEASURED_SAMPLES, |name| match name {
         "latent" => Some(vec![2, latent?]),
         "rotation" => Some(vec![2, 3, 3]),
         "translation" => Some(vec![2, 3]),

@@ -8,8 +8,6 @@ use tract_onnx::prelude::*;
 
 /// Most numbers in one tensor, and in all tensors of a graph together.
 const NUMBERS_MAX: usize = 1 << 28;
-/// What an open dimension is taken for when tensors are measured.
-const BATCH: usize = 64;
 /// Operators whose second or first input is a shape.
 const SHAPED: [&str; 6] = [
     "ConstantOfShape",
@@ -21,13 +19,14 @@ const SHAPED: [&str; 6] = [
 ];
 
 /// Reads a graph and runs it on zeros if `shape_of` knows all its inputs; returns how many numbers its
-/// first output has, if it ran.
+/// first output has, if it ran. Its tensors are measured with open dimensions of `batch`.
 ///
 /// # Errors
 /// A graph that tract refuses or panics on, a tensor beyond all measure. A failing run is left to whoever
 /// knows the shapes that were asked for.
 pub(crate) fn vet(
     bytes: &[u8],
+    batch: usize,
     shape_of: impl Fn(&str) -> Option<Vec<usize>>,
 ) -> Result<Option<usize>, String> {
     let vetted = caught(|| {
@@ -44,7 +43,7 @@ pub(crate) fn vet(
         });
         let parsed = onnx.parse(&proto, None).map_err(unusable)?;
         let typed = parsed.model.into_typed().map_err(unusable)?;
-        measure(&typed)?;
+        measure(&typed, batch)?;
         let Some(inputs) = inputs else {
             return Ok(None);
         };
@@ -139,13 +138,13 @@ fn integers(tensor: &TensorProto) -> Vec<i64> {
 }
 
 /// All tensors of the graph together stay within bounds.
-fn measure(model: &TypedModel) -> Result<(), String> {
+fn measure(model: &TypedModel, batch: usize) -> Result<(), String> {
     let mut total = 0usize;
     for node in &model.nodes {
         for outlet in &node.outputs {
             let dims = outlet.fact.shape.iter();
             let numbers = dims.fold(1usize, |n, d| {
-                n.saturating_mul(d.to_i64().map_or(BATCH, |d| d.max(0) as usize))
+                n.saturating_mul(d.to_i64().map_or(batch, |d| d.max(0) as usize))
             });
             total = total.saturating_add(numbers);
             if total > NUMBERS_MAX {

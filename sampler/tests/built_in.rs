@@ -35,3 +35,23 @@ fn each_draws_grasps_whose_tcp_lies_at_the_object() {
         "{error}"
     );
 }
+
+#[test]
+fn each_is_accepted_and_draws_the_same_when_it_comes_as_files_from_outside() {
+    let object = Family::Mug.member(2).object().unwrap();
+    let gripper = Gripper::load("franka_panda").unwrap();
+    for name in built_in_names() {
+        let files = ModelFiles::find(name).unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let write = |file: &str, bytes: &[u8]| {
+            std::fs::write(directory.path().join(file), bytes).unwrap();
+        };
+        write("model.toml", files.card.as_bytes());
+        write("encoder.onnx", &files.encoder);
+        write("velocity.onnx", &files.velocity);
+        let draw = |mut model: FlowModel| model.sample(&object, &gripper, 3, 0, None).unwrap();
+        let outside = FlowModel::load(directory.path(), None).unwrap();
+        let inside = FlowModel::open(&files, None).unwrap();
+        assert_eq!(draw(outside), draw(inside), "{name}");
+    }
+}

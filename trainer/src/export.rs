@@ -223,9 +223,9 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
         let scale = g.input("scale", &[ANY, n(1)]);
         let points = features::control_points_m().len();
         let sdf = g.input("sdf_at_points", &[ANY, n(points)]);
-        let distance_m = g.node("Mul", &[&sdf, &scale]);
         for w in DISTANCE_WIDTHS_M {
-            let x = scaled(&mut g, &distance_m, 1.0 / w);
+            let widths = scaled(&mut g, &scale, 1.0 / w);
+            let x = g.node("Mul", &[&sdf, &widths]);
             parts.push(g.node("Tanh", &[&x]));
         }
         scale_in_units = scaled(&mut g, &scale, 1.0 / LENGTH_UNIT_M);
