@@ -127,15 +127,16 @@ impl View {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn turned(rows: &[[f32x8; 3]; 3], [x, y, z]: &[f32x8; 3]) -> [f32x8; 3] {
-        rows.map(|[a, b, c]| *x * a + *y * b + *z * c)
+        let row = |k: usize| *x * rows[k][0] + *y * rows[k][1] + *z * rows[k][2];
+        [row(0), row(1), row(2)]
     }
 
-    #[inline]
+    #[inline(always)]
     fn point(&self, p: &[f32x8; 3]) -> [f32x8; 3] {
-        let turned = Self::turned(&self.rotation, p);
-        std::array::from_fn(|i| turned[i] + self.shift[i])
+        let [x, y, z] = Self::turned(&self.rotation, p);
+        [x + self.shift[0], y + self.shift[1], z + self.shift[2]]
     }
 }
 
@@ -163,11 +164,11 @@ impl Node {
 
     #[inline]
     fn seen(&self, view: &View) -> Eight {
-        let centre = view.point(&self.centre);
-        let half = View::turned(&view.absolute, &self.half);
+        let c = view.point(&self.centre);
+        let h = View::turned(&view.absolute, &self.half);
         Eight {
-            low: std::array::from_fn(|a| centre[a] - half[a]),
-            high: std::array::from_fn(|a| centre[a] + half[a]),
+            low: [c[0] - h[0], c[1] - h[1], c[2] - h[2]],
+            high: [c[0] + h[0], c[1] + h[1], c[2] + h[2]],
         }
     }
 }
@@ -280,10 +281,13 @@ impl Block {
         lanes: &mut Lanes,
         visit: &mut impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        let [a, b, c] = [0, 1, 2].map(|k| view.point(&self.corners[k]));
+        let [a, b, c] = &self.corners;
+        let (a, b, c) = (view.point(a), view.point(b), view.point(c));
+        let low = |i: usize| a[i].fast_min(b[i]).fast_min(c[i]);
+        let high = |i: usize| a[i].fast_max(b[i]).fast_max(c[i]);
         let eight = Eight {
-            low: std::array::from_fn(|i| a[i].min(b[i]).min(c[i])),
-            high: std::array::from_fn(|i| a[i].max(b[i]).max(c[i])),
+            low: [low(0), low(1), low(2)],
+            high: [high(0), high(1), high(2)],
         };
         let hits = eight.hits(lanes, among);
         let any = hits.any & ((1 << self.len) - 1);

@@ -90,6 +90,11 @@ impl Surface {
         &self.face_normals[face]
     }
 
+    /// What single-precision coordinates are relative to: the middle of the bounding box, object frame.
+    pub fn origin(&self) -> &Point3<f64> {
+        &self.origin
+    }
+
     /// Calls `visit(lanes, face, corners in the frame of the boxes, mask)` for every triangle whose
     /// box overlaps at least one lane, until it breaks.
     ///

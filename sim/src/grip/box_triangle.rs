@@ -1,12 +1,13 @@
 //! Where does a box meet a triangle of a closed surface?
 //!
-//! Separating axes (S. Gottschalk et al., "OBBTree", SIGGRAPH 1996): three faces of the box, the
-//! triangle's plane, nine pairs of edges; then the box's face and the triangle are laid over each
-//! other along the axis of least overlap, and every corner of the common outline is a contact. What
-//! parry does for the same pair, with the box's own axes as frame, so that no point is turned; the
-//! test below holds both against each other.
+//! The box's face and the triangle are laid over each other along the axis of least overlap, which
+//! `separation` finds, and every corner of the common outline is a contact. What parry does for the
+//! same pair, with the box's own axes as frame, so that no point is turned; the test below holds both
+//! against each other.
 
-use nalgebra::{Vector2, Vector3};
+use std::ops::RangeInclusive;
+
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 use crate::convert;
 use crate::rapier::math::Vector;
@@ -30,10 +31,18 @@ impl Cone {
         }
     }
 
-    /// The nearest direction allowed; none for one that points into the surface.
-    fn nearest(&self, direction: &Vector3<f32>) -> Option<Vector3<f32>> {
+    /// Where a contact along `axis`, from the box to the triangle, may really point: the same way, or
+    /// the nearest that is allowed; none if that would be into the surface. Frame of the box, into
+    /// which `rotation` turns the object's.
+    #[inline]
+    pub(super) fn allowed(
+        &self,
+        axis: &Vector3<f32>,
+        rotation: &Matrix3<f32>,
+    ) -> Option<Vector3<f32>> {
+        let direction = -rotation.tr_mul(axis);
         let along = direction.dot(&self.face);
-        let dots = self.edges.map(|e| e.dot(direction));
+        let dots = self.edges.map(|e| e.dot(&direction));
         let mut best = 0;
         for i in 1..3 {
             if dots[i] > dots[best] {
@@ -43,7 +52,7 @@ impl Cone {
         let edge = &self.edges[best];
         let cos = self.face.dot(edge);
         if along >= 2.0 * cos * cos - 1.0 {
-            return Some(*direction);
+            return Some(*axis);
         }
         if along < 0.0 {
             return None;
@@ -51,11 +60,11 @@ impl Cone {
         let aside = direction - self.face * along;
         let length = aside.norm();
         if length < 1e-6 {
-            return Some(self.face);
+            return Some(-(rotation * self.face));
         }
         let sin = (edge - self.face * cos).norm();
         let rim = (self.face * cos + aside * (sin / length)).normalize();
-        Some(rim * (2.0 * self.face.dot(&rim)) - self.face)
+        Some(rotation * (self.face - rim * (2.0 * self.face.dot(&rim))))
     }
 }
 
@@ -65,137 +74,103 @@ pub(super) struct Meeting {
     /// From the box into the object, frame of the box.
     pub normal: Vector3<f32>,
     /// Points of the box, and distance from there to the triangle along the normal.
-    pub points: [(Vector3<f32>, f32); 16],
-    pub len: usize,
+    points: [(Vector3<f32>, f32); 16],
+    len: usize,
 }
 
-/// Contacts nearer than `prediction`, lengths in metres, everything in the frame of the box, whose
-/// middle is the origin. `None` if there is none.
+impl Meeting {
+    pub fn points(&self) -> &[(Vector3<f32>, f32)] {
+        &self.points[..self.len]
+    }
+}
+
+/// Contacts along `normal` nearer than `prediction`, lengths in metres, everything in the frame of the
+/// box, whose middle is the origin; `best` is the gap along the axis of least overlap.
+#[inline]
 pub(super) fn meet(
     half: &Vector3<f32>,
     triangle: &[Vector3<f32>; 3],
-    cone: &Cone,
+    normal: Vector3<f32>,
+    best: f32,
     prediction: f32,
-) -> Option<Meeting> {
-    let [a, b, c] = triangle;
-    let (low, high) = (a.inf(b).inf(c), a.sup(b).sup(c));
-    let (mut best, mut axis) = (f32::MIN, Vector3::zeros());
-    for i in 0..3 {
-        for (sign, gap) in [(1.0, low[i] - half[i]), (-1.0, -high[i] - half[i])] {
-            if gap > best {
-                best = gap;
-                axis = Vector3::zeros();
-                axis[i] = sign;
-            }
-        }
-    }
-    if best > prediction {
-        return None;
-    }
-    let offset = cone.face.dot(a);
-    let gap = offset.abs() - cone.face.abs().dot(half);
-    if gap > prediction {
-        return None;
-    }
-    let (face_gap, face_axis) = (gap, cone.face * if offset > 0.0 { 1.0 } else { -1.0 });
-    let (mut edge_gap, mut edge_axis) = (f32::MIN, Vector3::zeros());
-    for (edge, one, other) in [(b - a, a, c), (c - b, b, a), (a - c, a, b)] {
-        let axes = [
-            Vector3::new(0.0, -edge.z, edge.y),
-            Vector3::new(edge.z, 0.0, -edge.x),
-            Vector3::new(-edge.y, edge.x, 0.0),
-        ];
-        let least = 1e-6 * edge.norm_squared();
-        for cross in axes {
-            let square = cross.norm_squared();
-            if square <= least {
-                continue;
-            }
-            let (p, q) = (cross.dot(one), cross.dot(other));
-            let (min, max) = (p.min(q), p.max(q));
-            let reach = cross.abs().dot(half);
-            let (sign, gap) = if min > -max { (1.0, min) } else { (-1.0, -max) };
-            let length = square.sqrt();
-            let gap = (gap - reach) / length;
-            if gap > edge_gap {
-                if gap > prediction {
-                    return None;
-                }
-                edge_gap = gap;
-                edge_axis = cross * (sign / length);
-            }
-        }
-    }
-    if face_gap > best && face_gap > edge_gap {
-        (best, axis) = (face_gap, face_axis);
-    } else if edge_gap > best {
-        (best, axis) = (edge_gap, edge_axis);
-    }
-    let normal = -cone.nearest(&-axis)?;
-    let mut meeting = Meeting {
-        normal,
-        ..Meeting::default()
-    };
-    overlay(half, triangle, &mut meeting);
+    meeting: &mut Meeting,
+) {
+    meeting.len = 0;
+    meeting.normal = normal;
     // A turned normal may meet a far face at a depth that has nothing to do with this pair.
-    let mut kept = 0;
-    for i in 0..meeting.len {
-        let (point, gap) = meeting.points[i];
-        let is_near = best >= 0.0 || gap >= 0.0 || gap >= 5.0 * best;
-        if is_near && gap <= prediction {
-            meeting.points[kept] = (point, gap);
-            kept += 1;
-        }
-    }
-    meeting.len = kept;
-    (kept > 0).then_some(meeting)
+    let deepest = if best >= 0.0 {
+        f32::MIN
+    } else {
+        (5.0 * best).min(0.0)
+    };
+    overlay(half, triangle, deepest..=prediction, meeting);
 }
 
-/// Lays the box's face and the triangle over each other along the normal.
-fn overlay(half: &Vector3<f32>, triangle: &[Vector3<f32>; 3], meeting: &mut Meeting) {
-    let normal = meeting.normal;
+/// Lays the box's face and the triangle over each other along the normal; keeps what is `within`.
+fn overlay(
+    half: &Vector3<f32>,
+    triangle: &[Vector3<f32>; 3],
+    within: RangeInclusive<f32>,
+    meeting: &mut Meeting,
+) {
+    let Meeting {
+        normal,
+        points,
+        len,
+    } = meeting;
     let k = normal.iamax();
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-    let sign = if normal[k] < 0.0 { -1.0 } else { 1.0 };
+    let level = if normal[k] < 0.0 { -half[k] } else { half[k] };
     // Along the normal onto the plane of the face: a shear, in which the face stays a rectangle.
-    let slope = [normal[i] / normal[k], normal[j] / normal[k]];
-    let level = sign * half[k];
-    let flat = triangle.map(|v| {
+    let per_up = 1.0 / normal[k];
+    let slope = [normal[i] * per_up, normal[j] * per_up];
+    let [a, b, c] = triangle;
+    let flatten = |v: &Vector3<f32>| {
         let up = v[k] - level;
         Vector2::new(v[i] - slope[0] * up, v[j] - slope[1] * up)
-    });
-    // Distance along the normal.
-    let rise = triangle.map(|v| (v[k] - level) / normal[k]);
-    let (hi, hj) = (half[i], half[j]);
-    let face_point = |at: Vector2<f32>| {
-        let mut p = Vector3::zeros();
-        p[i] = at.x;
-        p[j] = at.y;
-        p[k] = level;
-        p
     };
-    let mut push = |at: Vector2<f32>, gap: f32| {
-        if meeting.len < meeting.points.len() {
-            meeting.points[meeting.len] = (face_point(at), gap);
-            meeting.len += 1;
+    let flat = [flatten(a), flatten(b), flatten(c)];
+    // Distance along the normal.
+    let rise = [a, b, c].map(|v| (v[k] - level) * per_up);
+    let (hi, hj) = (half[i], half[j]);
+    let low = flat[0].inf(&flat[1]).inf(&flat[2]);
+    let high = flat[0].sup(&flat[1]).sup(&flat[2]);
+    if low.x > hi || high.x < -hi || low.y > hj || high.y < -hj {
+        return;
+    }
+    let mut push = |at: &Vector2<f32>, gap: f32| {
+        if within.contains(&gap) && *len < points.len() {
+            let (point, its_gap) = &mut points[*len];
+            point[i] = at.x;
+            point[j] = at.y;
+            point[k] = level;
+            *its_gap = gap;
+            *len += 1;
         }
     };
+    if low.x >= -hi && high.x <= hi && low.y >= -hj && high.y <= hj {
+        for (at, gap) in flat.iter().zip(rise) {
+            push(at, gap);
+        }
+        return;
+    }
     // Corners of the triangle over the face.
     for v in 0..3 {
         if flat[v].x.abs() <= hi && flat[v].y.abs() <= hj {
-            push(flat[v], rise[v]);
+            push(&flat[v], rise[v]);
         }
     }
     // Corners of the face under the triangle.
     let [ab, ac] = [flat[1] - flat[0], flat[2] - flat[0]];
     let area = ab.perp(&ac);
     if area.abs() > 1e-12 {
+        let per_area = 1.0 / area;
         for (x, y) in [(hi, hj), (-hi, hj), (-hi, -hj), (hi, -hj)] {
             let at = Vector2::new(x, y) - flat[0];
-            let (s, t) = (at.perp(&ac) / area, ab.perp(&at) / area);
+            let (s, t) = (at.perp(&ac) * per_area, ab.perp(&at) * per_area);
             if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
                 let gap = rise[0] + s * (rise[1] - rise[0]) + t * (rise[2] - rise[0]);
-                push(Vector2::new(x, y), gap);
+                push(&Vector2::new(x, y), gap);
             }
         }
     }
@@ -211,7 +186,7 @@ fn overlay(half: &Vector3<f32>, triangle: &[Vector3<f32>; 3], meeting: &mut Meet
                     let s = start / (start - end);
                     let at = p + way * s;
                     if at[1 - axis].abs() < other {
-                        push(at, from + s * (to - from));
+                        push(&at, from + s * (to - from));
                     }
                 }
             }
@@ -221,6 +196,7 @@ fn overlay(half: &Vector3<f32>, triangle: &[Vector3<f32>; 3], meeting: &mut Meet
 
 #[cfg(test)]
 mod tests {
+    use super::super::separation::{Eight, Pairs};
     use super::*;
     use crate::rapier::math::Pose;
     use crate::rapier::parry::query::ContactManifold;
@@ -256,7 +232,19 @@ mod tests {
                 continue;
             };
             let edges = [0; 3].map(|_| (face + numbers.vector(0.6)).normalize());
-            let own = meet(&half, &triangle, &Cone { face, edges }, prediction);
+            let mut own = Meeting::default();
+            let mut eight = Eight::default();
+            eight.set(0, &triangle, &face);
+            let mut pairs = Pairs::default();
+            pairs.set(0, &half, &eight, 0);
+            let axes = pairs.axes(1, prediction);
+            assert!(axes.near <= eight.near(1, &half, prediction));
+            let (gap, axis) = axes.of(0);
+            let cone = Cone { face, edges };
+            let allowed = cone.allowed(&axis, &Matrix3::identity());
+            if let Some(normal) = allowed.filter(|_| axes.near == 1) {
+                meet(&half, &triangle, normal, gap, prediction, &mut own);
+            }
             let glam = |v: Vector3<f32>| Vector::new(v.x as _, v.y as _, v.z as _);
             let mut theirs = ContactManifold::<(), ()>::new();
             contact_manifold_cuboid_triangle(
@@ -276,21 +264,15 @@ mod tests {
             );
             let deepest = theirs.points.iter().map(|p| f64::from(p.dist) as f32);
             let deepest = deepest.fold(f32::MAX, f32::min);
-            match own {
-                None => missed += usize::from(deepest <= prediction),
-                Some(own) => {
-                    let gap = own.points[..own.len]
-                        .iter()
-                        .map(|p| p.1)
-                        .fold(f32::MAX, f32::min);
-                    let same = (gap - deepest).abs() < 1e-3
-                        && (glam(own.normal) - theirs.local_n1).length() < 1e-3;
-                    if same {
-                        met += 1;
-                    } else {
-                        missed += 1;
-                    }
-                }
+            let nearest = own.points().iter().map(|p| p.1).fold(f32::MAX, f32::min);
+            if own.points().is_empty() {
+                missed += usize::from(deepest <= prediction);
+            } else if (nearest - deepest).abs() < 1e-3
+                && (glam(own.normal) - theirs.local_n1).length() < 1e-3
+            {
+                met += 1;
+            } else {
+                missed += 1;
             }
         }
         assert!(met > 5_000 && missed * 500 < met, "{met} {missed}");

@@ -1,14 +1,14 @@
-//! Where do the parts of the hand meet the object? Against the true triangles within reach, boxes by
-//! `box_triangle`, hulls by parry's contact manifolds; against convex pieces by parry's.
+//! Where do the parts of the hand meet the object? Fingers against the true triangles (`on_surface`),
+//! the palm, or in coarse mode everything, against convex pieces by parry's manifolds.
 
 use std::f64::consts::PI;
-use std::ops::ControlFlow;
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use shakedown_gripper_assets::gripper::Side;
-use shakedown_objects::surface::{LANES, Lanes};
 
-use super::box_triangle::{Cone, Meeting, meet};
+use super::box_triangle::Meeting;
+use super::near::{Nearby, hand_from_part};
+use super::on_surface::{Place, Waiting};
 use crate::convert;
 use crate::protocol::BoxContacts;
 use crate::rapier::math::{Pose, Real, Vector};
@@ -16,7 +16,7 @@ use crate::rapier::parry::bounding_volume::{Aabb, BoundingVolume};
 use crate::rapier::parry::query::{
     ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher,
 };
-use crate::rapier::parry::shape::{SharedShape, Triangle, TrianglePseudoNormals};
+use crate::rapier::parry::shape::SharedShape;
 use crate::scene::Scene;
 
 /// Index of the palm among the solids of the hand; 0 and 1 are the left and the right finger.
@@ -35,58 +35,33 @@ pub(super) struct Spot {
 
 /// Parry meets triangles in centimetres: it leaves out edges by an absolute length, 0.35 mm were they
 /// metres.
-const PER_M: Real = 100.0;
+pub(super) const PER_M: Real = 100.0;
 
 /// A convex part of the hand.
-struct HandPart {
-    solid: usize,
+pub(super) struct HandPart {
+    pub solid: usize,
     /// Half size of a box that our own search meets.
-    half: Option<Vector3<f32>>,
+    pub half: Option<Vector3<f32>>,
     /// With closed fingers.
-    hand_from_part: Isometry3<f64>,
+    pub hand_from_part: Isometry3<f64>,
     shape: SharedShape,
     /// The same in centimetres, if parry holds it against triangles.
-    large: SharedShape,
+    pub large: SharedShape,
     /// Its box, own frame.
-    local: Aabb,
+    pub local: Aabb,
     /// Of its box around, hand frame, with closed fingers.
-    min: Vector3<f32>,
-    max: Vector3<f32>,
-}
-
-/// Where a part is, single precision.
-#[derive(Clone, Copy)]
-struct Place {
-    at: Vector3<f32>,
-    turn: Matrix3<f32>,
-    part_from_object: Matrix3<f32>,
-    part_from_hand: Pose,
-}
-
-impl Place {
-    const NONE: Self = Self {
-        at: Vector3::new(0.0, 0.0, 0.0),
-        turn: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
-        part_from_object: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
-        part_from_hand: Pose::IDENTITY,
-    };
-
-    fn new(hand_from_part: &Isometry3<f64>, hand_from_object: &Isometry3<f64>) -> Self {
-        let matrix = |q: UnitQuaternion<f64>| q.to_rotation_matrix().into_inner().map(|x| x as f32);
-        let turn = hand_from_part.rotation.inverse();
-        Self {
-            at: hand_from_part.translation.vector.map(|x| x as f32),
-            turn: matrix(turn),
-            part_from_object: matrix(turn * hand_from_object.rotation),
-            part_from_hand: convert::pose(&hand_from_part.inverse()),
-        }
-    }
+    pub min: Vector3<f32>,
+    pub max: Vector3<f32>,
 }
 
 /// Finds spots; keeps its buffers.
 pub(super) struct Finder {
-    parts: Vec<HandPart>,
-    manifold: ContactManifold<(), ()>,
+    pub(super) parts: Vec<HandPart>,
+    pub(super) manifold: ContactManifold<(), ()>,
+    pub(super) meeting: Meeting,
+    pub(super) nearby: Nearby,
+    pub(super) places: Vec<Place>,
+    pub(super) waiting: Waiting,
     /// What was found, solid by solid in the order of triangles and pieces.
     pub spots: Vec<Spot>,
 }
@@ -129,8 +104,12 @@ impl Finder {
         }
         add(PALM, &Isometry3::identity(), &scene.palm_shapes);
         Self {
+            nearby: Nearby::new(&parts),
+            places: Vec::with_capacity(parts.len()),
+            waiting: Waiting::default(),
             parts,
             manifold: ContactManifold::new(),
+            meeting: Meeting::default(),
             spots: Vec::with_capacity(256),
         }
     }
@@ -144,83 +123,6 @@ impl Finder {
             self.find_on_pieces(scene, hand_from_body, &shifts, |solid| solid == PALM);
         } else {
             self.find_on_pieces(scene, hand_from_body, &shifts, |_| true);
-        }
-    }
-
-    fn find_on_surface(
-        &mut self,
-        scene: &Scene,
-        normals: &[Option<Cone>],
-        hand_from_body: &Isometry3<f64>,
-        shifts: &[f64; 3],
-    ) {
-        let prediction = scene.protocol.solver.prediction_m;
-        let hand_from_object = hand_from_body * scene.object_from_body().inverse();
-        let turn = convert::rotation(&hand_from_object.rotation);
-        let (manifold, spots) = (&mut self.manifold, &mut self.spots);
-        let fingers = self.parts.iter().filter(|p| p.solid != PALM).count();
-        for group in self.parts[..fingers].chunks(LANES) {
-            let mut lanes = lanes(group, shifts, prediction);
-            let mut places = [Place::NONE; LANES];
-            for (lane, part) in group.iter().enumerate() {
-                let shift = Vector3::new(shifts[part.solid], 0.0, 0.0);
-                let hand_from_part = Translation3::from(shift) * part.hand_from_part;
-                places[lane] = Place::new(&hand_from_part, &hand_from_object);
-            }
-            let visit = |_: &mut Lanes, face: usize, corners: [Vector3<f32>; 3], mask: u32| {
-                for (lane, part) in group.iter().enumerate() {
-                    if mask >> lane & 1 == 0 {
-                        continue;
-                    }
-                    let Some(normals) = &normals[face] else {
-                        continue;
-                    };
-                    let place = &places[lane];
-                    if let Some(half) = &part.half {
-                        let rotation = &place.part_from_object;
-                        let cone = Cone {
-                            face: rotation * normals.face,
-                            edges: normals.edges.map(|e| rotation * e),
-                        };
-                        let triangle = corners.map(|v| place.turn * (v - place.at));
-                        if let Some(meeting) = meet(half, &triangle, &cone, prediction as f32) {
-                            push_meeting(spots, &meeting, part.solid, place);
-                        }
-                        continue;
-                    }
-                    let [a, b, c] = corners.map(|v| {
-                        let at = Vector::new(v.x as _, v.y as _, v.z as _);
-                        place.part_from_hand.transform_point(at) * PER_M
-                    });
-                    let turn = place.part_from_hand.rotation * turn;
-                    let vector = |v: &Vector3<f32>| Vector::new(v.x as _, v.y as _, v.z as _);
-                    let cone = TrianglePseudoNormals {
-                        face: turn * vector(&normals.face),
-                        edges: normals.edges.map(|e| turn * vector(&e)),
-                        two_sided: false,
-                    };
-                    manifold.clear();
-                    let _ = DefaultQueryDispatcher.contact_manifold_convex_convex(
-                        &Pose::IDENTITY,
-                        &*part.large,
-                        &Triangle::new(a, b, c),
-                        None,
-                        Some(&cone),
-                        prediction as Real * PER_M,
-                        manifold,
-                    );
-                    let hand_from_part = place.part_from_hand.inverse();
-                    for point in &mut manifold.points {
-                        point.local_p1 /= PER_M;
-                        point.dist /= PER_M;
-                    }
-                    push(spots, manifold, part.solid, &hand_from_part, prediction);
-                }
-                ControlFlow::Continue(())
-            };
-            scene
-                .surface
-                .visit_near(&hand_from_object, &mut lanes, visit);
         }
     }
 
@@ -244,8 +146,7 @@ impl Finder {
             if f64::from(outside.norm()) > reach {
                 continue;
             }
-            let hand_from_part = Translation3::from(shift) * part.hand_from_part;
-            let hand_from_part = convert::pose(&hand_from_part);
+            let hand_from_part = convert::pose(&hand_from_part(part, shifts));
             let part_from_body = hand_from_part.inverse() * hand_from_body;
             let body_from_part = part_from_body.inverse();
             let own = part.local.loosened(prediction as _);
@@ -279,18 +180,7 @@ impl Finder {
     }
 }
 
-/// The boxes of some parts, larger by `margin_m`.
-fn lanes(group: &[HandPart], shifts: &[f64; 3], margin_m: f64) -> Lanes {
-    let mut lanes = Lanes::default();
-    let margin = Vector3::repeat(margin_m as f32);
-    for (lane, part) in group.iter().enumerate() {
-        let by = Vector3::new(shifts[part.solid] as f32, 0.0, 0.0);
-        lanes.set(lane, part.min + by - margin, part.max + by + margin);
-    }
-    lanes
-}
-
-fn push(
+pub(super) fn push(
     spots: &mut Vec<Spot>,
     manifold: &ContactManifold<(), ()>,
     solid: usize,
@@ -308,19 +198,6 @@ fn push(
             at: convert::from_vector(hand_from_part.transform_point(point.local_p1)),
             normal,
             depth_m,
-        });
-    }
-}
-
-fn push_meeting(spots: &mut Vec<Spot>, meeting: &Meeting, solid: usize, place: &Place) {
-    let back = place.turn.transpose();
-    let normal = (back * meeting.normal).map(f64::from);
-    for (point, gap) in &meeting.points[..meeting.len] {
-        spots.push(Spot {
-            solid,
-            at: (back * point + place.at).map(f64::from),
-            normal,
-            depth_m: -f64::from(*gap),
         });
     }
 }

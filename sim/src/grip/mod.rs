@@ -9,7 +9,10 @@
 mod box_triangle;
 mod contact;
 mod mass;
+mod near;
+mod on_surface;
 mod patch;
+mod separation;
 mod solve;
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
@@ -24,6 +27,7 @@ use solve::{Pads, Solver, Vector8, dot};
 
 /// Patches follow their centre of pressure when it has moved so far, metres.
 const FOLLOW_M: f64 = 1e-5;
+
 /// Size of a patch of contact, metres.
 const PATCH_M: f64 = 0.01;
 

@@ -7,6 +7,7 @@
 //! pressure. Below the limit it gives way elastically (a bristle), so that no load creeps.
 
 use nalgebra::Vector3;
+use wide::f32x8;
 
 use super::contact::{PALM, Spot};
 
@@ -208,6 +209,42 @@ impl Patch {
     }
 }
 
+/// Where the points of a patch lie, eight side by side.
+struct Kept {
+    at: [[f32x8; 3]; POINTS_OF_PATCH / 8],
+    len: usize,
+}
+
+impl Kept {
+    fn new() -> Self {
+        Self {
+            at: [[f32x8::splat(f32::MAX); 3]; POINTS_OF_PATCH / 8],
+            len: 0,
+        }
+    }
+
+    /// Adds a point unless one is there already.
+    #[inline]
+    fn admits(&mut self, at: &Vector3<f64>) -> bool {
+        let at = at.map(|x| x as f32);
+        let here = [f32x8::splat(at.x), f32x8::splat(at.y), f32x8::splat(at.z)];
+        let near = f32x8::splat((SAME_POINT_M * SAME_POINT_M) as f32);
+        for [x, y, z] in &self.at[..self.len.div_ceil(8)] {
+            let [dx, dy, dz] = [*x - here[0], *y - here[1], *z - here[2]];
+            let square = dx * dx + dy * dy + dz * dz;
+            if square.simd_le(near).to_bitmask() != 0 {
+                return false;
+            }
+        }
+        let block = &mut self.at[self.len / 8];
+        for (place, x) in block.iter_mut().zip(at.iter()) {
+            place.as_mut_array()[self.len % 8] = *x;
+        }
+        self.len += 1;
+        true
+    }
+}
+
 /// One patch of its members, the deepest first.
 fn patch_of(
     spots: &[Spot],
@@ -224,13 +261,10 @@ fn patch_of(
     };
     let along = (side - normal * normal.dot(&side)).normalize();
     let first = points.len();
+    let mut kept = Kept::new();
     for &i in std::iter::once(&deepest).chain(members) {
         let spot = &spots[i];
-        let kept = &points[first..];
-        let is_new = kept
-            .iter()
-            .all(|p| (p.at - spot.at).norm_squared() > SAME_POINT_M * SAME_POINT_M);
-        if is_new && kept.len() < POINTS_OF_PATCH {
+        if points.len() - first < POINTS_OF_PATCH && kept.admits(&spot.at) {
             points.push(Point {
                 at: spot.at,
                 normal: spot.normal,
