@@ -220,6 +220,9 @@ pub struct SourceArgs {
     /// Integration steps of the model (default: its card's)
     #[arg(long)]
     pub steps: Option<NonZeroUsize>,
+    /// Show the model each object turned at random (by the seed); its grasps are turned back
+    #[arg(long)]
+    pub turn_objects: bool,
     /// Draw candidates without a model
     #[arg(long, value_enum)]
     pub sampler: Option<Sampler>,

@@ -117,6 +117,7 @@ impl Source {
                     "hash": model.hash,
                     "runtime": { "name": model.runtime.name, "version": model.runtime.version },
                     "steps": args.steps,
+                    "turn_objects": args.turn_objects,
                     "candidates": args.candidates,
                 })
             }

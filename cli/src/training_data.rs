@@ -11,7 +11,7 @@ use shakedown_gripper_assets::{
 use shakedown_objects::Object;
 use shakedown_objects::shapes::{Family, Shape, Split};
 use shakedown_report::results::{Metric, Results};
-use shakedown_sampler::{AntipodalSettings, sample_antipodal};
+use shakedown_sampler::{AntipodalSettings, Centring, sample_antipodal};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::{Preset, TrainingObject};
 
@@ -199,6 +199,11 @@ impl Context<'_> {
         teacher: Option<&Teacher>,
     ) -> Result<TrainingObject, Failure> {
         let tcp_z_m = self.gripper.tcp_z_m;
+        let snug = (preset.flow.centring == Centring::SnugBox).then(|| snug(object, good));
+        let (object, good) = match &snug {
+            Some((object, good)) => (object, good.as_slice()),
+            None => (object, good),
+        };
         let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
         if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
             let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
@@ -322,6 +327,18 @@ fn variants(each: u64) -> impl Iterator<Item = Shape> {
             .into_iter()
             .map(move |f| f.variant(Split::Seen, 0, i))
     })
+}
+
+/// An object in the axes of its snug box, as the model will see it.
+fn snug(object: &Object, grasps: &[Grasp]) -> (Object, Vec<Grasp>) {
+    let axes = object.snug_axes();
+    let matrix = axes.to_rotation_matrix().into_inner();
+    let turned = |g: &Grasp| Grasp {
+        object_from_hand: axes * g.object_from_hand,
+        ..*g
+    };
+    let grasps = grasps.iter().map(turned).collect();
+    (object.stretched(&object.id, &matrix), grasps)
 }
 
 /// ACRONYM files given by name or by directory, sorted.

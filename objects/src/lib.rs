@@ -18,6 +18,7 @@ pub mod pieces;
 pub mod sdf;
 pub mod set;
 pub mod shapes;
+mod snug;
 mod stretch;
 pub mod surface;
 pub mod triangle;

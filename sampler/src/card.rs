@@ -63,6 +63,9 @@ pub enum Centring {
     /// The middle of the object's axis-aligned box.
     #[default]
     BoxCentre,
+    /// The middle of a snug box about the object, in whose axes the grid stands
+    /// ([`shakedown_objects::Object::snug_axes`]): what is drawn does not depend on how the mesh stands.
+    SnugBox,
 }
 
 /// The content of `model.toml`.

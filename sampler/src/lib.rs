@@ -18,7 +18,7 @@ pub mod runtime;
 mod vet;
 
 pub use antipodal::{AntipodalSettings, sample_antipodal};
-pub use card::{Integrator, ModelCard, ModelError};
+pub use card::{Centring, Integrator, ModelCard, ModelError};
 pub use files::{ModelFiles, built_in_names};
 pub use flow::{FlowSample, VelocityField, integrate};
 #[cfg(feature = "onnx")]

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Tensor, TensorElementType, ValueType};
 use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
 use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
 
-use crate::card::{ModelCard, ModelError};
+use crate::card::{Centring, ModelCard, ModelError};
 use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, step};
 use crate::runtime::{Runtime, runtime};
@@ -35,7 +35,8 @@ struct Extras {
 /// Where a grasp came from and where it ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlowPath {
-    /// Noise, the pose after each step, and the end; normalised frame of the model.
+    /// Noise, the pose after each step, and the end; normalised frame of the model, in the axes that its
+    /// centring says.
     pub states: Vec<FlowSample>,
     /// The end as a grasp, ACRONYM frame.
     pub object_from_hand: Isometry3<f64>,
@@ -173,7 +174,14 @@ impl FlowModel {
         run_seed: u64,
         steps: Option<usize>,
     ) -> Result<Vec<FlowPath>, ModelError> {
-        let grid = SdfGrid::bake(&object.surface, self.card.resolution, self.card.padding);
+        let axes = match self.card.centring {
+            Centring::BoxCentre => UnitQuaternion::identity(),
+            Centring::SnugBox => object.snug_axes(),
+        };
+        let turned = (axes != UnitQuaternion::identity())
+            .then(|| object.stretched(&object.id, &axes.to_rotation_matrix().into_inner()));
+        let surface = &turned.as_ref().unwrap_or(object).surface;
+        let grid = SdfGrid::bake(surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
         let latent = self.bind(&sdf.values, sdf.scale_m, Some(&object.id))?;
         let mut samples: Vec<FlowSample> = (0..count)
@@ -207,7 +215,7 @@ impl FlowModel {
                 let pose = Isometry3::from_parts(Translation3::from(translation), end.rotation);
                 FlowPath {
                     states,
-                    object_from_hand: frame.to_hand(&pose, gripper.tcp_z_m),
+                    object_from_hand: axes.inverse() * frame.to_hand(&pose, gripper.tcp_z_m),
                 }
             })
             .collect())

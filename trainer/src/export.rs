@@ -69,7 +69,7 @@ fn card(preset: &Preset, provenance: &Provenance) -> ModelCard {
         frame: flow.frame.clone(),
         resolution: flow.resolution,
         padding: flow.padding,
-        centring: Default::default(),
+        centring: flow.centring,
         normalisation: flow.normalisation,
         noise_translation_std: flow.noise_translation_std,
         steps: flow.steps,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use shakedown_objects::Normalisation;
-use shakedown_sampler::Integrator;
+use shakedown_sampler::{Centring, Integrator};
 
 use crate::error::TrainError;
 
@@ -60,6 +60,9 @@ pub struct FlowPreset {
     pub resolution: usize,
     /// The grid's edge is the longest extent grown by this share.
     pub padding: f64,
+    /// Where the grid is centred, and in which axes it stands.
+    #[serde(default)]
+    pub centring: Centring,
     /// What distances and translations are divided by.
     pub normalisation: Normalisation,
     /// Standard deviation of the initial translation, normalised.
