@@ -12,6 +12,8 @@ their trial's features missing, and weigh less than those with one. Needs numpy,
 
 import json
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -28,6 +30,11 @@ TREES = 350
 TRIED = 5.0
 # Share of the labels without a trial that is learned from.
 SHARE = 0.5
+
+
+def preset_version():
+    preset = Path(__file__).parents[2] / "sim/protocols/acronym.toml"
+    return tomllib.loads(preset.read_text())["version"]
 
 
 def category(name):
@@ -120,7 +127,7 @@ def main():
         about = (f"p_hold from {'geometry and one trial' if count > GEOMETRIC else 'geometry alone'};"
                  f" {TREES} trees fitted to {len(y)} FleX labels of {seen.object.nunique()} ACRONYM objects (seen)"
                  f" and, without a trial, {len(more)} more")
-        text = {"about": about, "protocol": "acronym-v3", "features": names[:count],
+        text = {"about": about, "protocol": preset_version(), "features": names[:count],
                 "base": float(model._baseline_prediction[0, 0]), "calibration": [slope, shift]}
         body = json.dumps(text)[:-1] + ', "trees": [\n'
         body += ",\n".join(json.dumps(t, separators=(",", ":")) for t in trees_of(model))

@@ -30,7 +30,8 @@ pub struct TrainingObject {
 }
 
 impl TrainingObject {
-    /// Bakes the grid of a surface and turns `grasps` (all of them good) into the model's frame.
+    /// Bakes the grid of a surface and turns `grasps` (all of them good) into the model's frame. Surface
+    /// and grasps are in the axes that the preset's centring wants.
     ///
     /// # Errors
     /// A preset with an unknown frame.
