@@ -1,7 +1,5 @@
 //! The grasps of one object: read or drawn, then chosen by `--limit`.
 
-#[cfg(feature = "onnx")]
-use nalgebra::UnitQuaternion;
 use shakedown_gripper_assets::{Grasp, Gripper, ReadOptions, read_grasps};
 use shakedown_objects::Object;
 use shakedown_sampler::{sample_antipodal, seed};
@@ -51,34 +49,22 @@ pub fn of_item(
         (None, Source::Model(model)) => {
             let mut model = model.lock().expect("nobody panics while holding it");
             let steps = args.steps.map(std::num::NonZeroUsize::get);
-            let (count, turned) = (args.candidates, turned(object, args, run_seed));
-            let Some((object, back)) = turned else {
-                let grasps = model.sample(object, gripper, count, run_seed, steps)?;
-                return Ok(drawn(grasps));
-            };
-            let mut grasps = model.sample(&object, gripper, count, run_seed, steps)?;
-            for grasp in &mut grasps {
-                grasp.object_from_hand = back * grasp.object_from_hand;
+            let turn = args.turn_objects.then(|| {
+                let mut rng = seed::stream(run_seed, "turn-v1", &object.id, "", 0);
+                seed::uniform_rotation(&mut rng)
+            });
+            let turned = turn.map(|turn| object.turned(&turn));
+            let shown = turned.as_ref().unwrap_or(object);
+            let mut grasps = model.sample(shown, gripper, args.candidates, run_seed, steps)?;
+            if let Some(turn) = turn {
+                for grasp in &mut grasps {
+                    grasp.object_from_hand = turn.inverse() * grasp.object_from_hand;
+                }
             }
             Ok(drawn(grasps))
         }
         (None, Source::Files) => Err(Failure::internal("an item without grasps")),
     }
-}
-
-/// The object as `--turn-objects` shows it to the model, and the rotation that turns it back.
-#[cfg(feature = "onnx")]
-fn turned(
-    object: &Object,
-    args: &SourceArgs,
-    run_seed: u64,
-) -> Option<(Object, UnitQuaternion<f64>)> {
-    args.turn_objects.then(|| {
-        let mut rng = seed::stream(run_seed, "turn-v1", &object.id, "", 0);
-        let turn = seed::uniform_rotation(&mut rng);
-        let matrix = turn.to_rotation_matrix().into_inner();
-        (object.stretched(&object.id, &matrix), turn.inverse())
-    })
 }
 
 /// A random subset of at most `limit` grasps in their order. Every grasp has a rank of its own

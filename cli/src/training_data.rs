@@ -332,13 +332,12 @@ fn variants(each: u64) -> impl Iterator<Item = Shape> {
 /// An object in the axes of its snug box, as the model will see it.
 fn snug(object: &Object, grasps: &[Grasp]) -> (Object, Vec<Grasp>) {
     let axes = object.snug_axes();
-    let matrix = axes.to_rotation_matrix().into_inner();
     let turned = |g: &Grasp| Grasp {
         object_from_hand: axes * g.object_from_hand,
         ..*g
     };
     let grasps = grasps.iter().map(turned).collect();
-    (object.stretched(&object.id, &matrix), grasps)
+    (object.turned(&axes), grasps)
 }
 
 /// ACRONYM files given by name or by directory, sorted.

@@ -98,7 +98,7 @@ impl Eight {
 
 /// The numbers of the bits that are set, lowest first.
 #[inline]
-fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
+pub fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         (mask != 0).then(|| {
             let bit = mask.trailing_zeros() as usize;

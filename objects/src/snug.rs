@@ -110,8 +110,7 @@ mod tests {
     }
 
     fn snug(object: &Object) -> Object {
-        let matrix = object.snug_axes().to_rotation_matrix().into_inner();
-        object.stretched(&object.id, &matrix)
+        object.turned(&object.snug_axes())
     }
 
     #[test]
@@ -121,8 +120,7 @@ mod tests {
             let box_size = size(&snug(&object));
             for (a, b, c) in [(0.3, 1.1, -2.0), (2.0, -0.7, 0.5)] {
                 let turn = UnitQuaternion::from_euler_angles(a, b, c);
-                let turned = object.stretched("turned", &turn.to_rotation_matrix().into_inner());
-                let snug_one = snug(&turned);
+                let snug_one = snug(&object.turned(&turn));
                 let error = (size(&snug_one) - box_size).abs().max();
                 assert!(
                     error < 0.05 * box_size.max(),

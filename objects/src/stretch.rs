@@ -1,6 +1,6 @@
 //! One object more from an object: the same shape stretched linearly.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, UnitQuaternion};
 
 use crate::mass::MassProperties;
 use crate::object::Object;
@@ -37,6 +37,11 @@ impl Object {
             friction: self.friction,
             report: self.report.clone(),
         }
+    }
+
+    /// The object turned about the origin of its frame, under its own name.
+    pub fn turned(&self, turn: &UnitQuaternion<f64>) -> Self {
+        self.stretched(&self.id, &turn.to_rotation_matrix().into_inner())
     }
 }
 

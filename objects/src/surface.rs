@@ -15,7 +15,7 @@ use crate::blocks::{BlockTree, SLACK_M};
 use crate::mesh::TriMesh;
 use crate::triangle::{Feature, cast_ray, closest_point};
 
-pub use crate::blocks::{LANES, Lanes};
+pub use crate::blocks::{LANES, Lanes, bits};
 
 /// A mesh with what is needed to ask it questions fast.
 #[derive(Debug, Clone)]

@@ -178,8 +178,7 @@ impl FlowModel {
             Centring::BoxCentre => UnitQuaternion::identity(),
             Centring::SnugBox => object.snug_axes(),
         };
-        let turned = (axes != UnitQuaternion::identity())
-            .then(|| object.stretched(&object.id, &axes.to_rotation_matrix().into_inner()));
+        let turned = (axes != UnitQuaternion::identity()).then(|| object.turned(&axes));
         let surface = &turned.as_ref().unwrap_or(object).surface;
         let grid = SdfGrid::bake(surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);

@@ -116,8 +116,7 @@ fn the_exported_graphs_are_the_network() {
         let mut model = FlowModel::load(&out, None).unwrap();
         // In the axes in which the model sees it.
         let object = object(Family::Mug);
-        let axes = object.snug_axes().to_rotation_matrix().into_inner();
-        let object = object.stretched("mug", &axes);
+        let object = object.turned(&object.snug_axes());
         let paths = model.paths(&object, &gripper, 6, 4, Some(1)).unwrap();
         let own = TrainingObject::new("mug", &object.surface, &[], gripper.tcp_z_m, &preset);
         let own = own.unwrap();

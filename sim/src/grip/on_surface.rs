@@ -1,6 +1,7 @@
 //! Contacts with the true triangles within reach: boxes by our own search, hulls by parry's manifolds.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use shakedown_objects::surface::bits;
 
 use super::box_triangle::{Cone, Meeting, meet};
 use super::contact::{Finder, HandPart, PER_M, Spot, push};
@@ -199,15 +200,4 @@ impl Search<'_> {
             );
         }
     }
-}
-
-/// The numbers of the bits that are set, lowest first.
-fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (mask != 0).then(|| {
-            let bit = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            bit
-        })
-    })
 }
