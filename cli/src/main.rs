@@ -36,30 +36,11 @@ fn main() -> std::process::ExitCode {
             .into();
         }
     };
-    #[cfg(feature = "train")]
-    quiet_tensor_threads(&cli);
     match dispatch(&cli) {
         Ok(exit) => exit.into(),
         Err(failure) => {
             eprintln!("error: {failure}");
             failure.exit.into()
-        }
-    }
-}
-
-/// The tensor library listens to the environment alone. Its own pool for sums and copies waits by
-/// spinning, which took a third of a training step's CPU time; its products keep to `--threads`.
-#[cfg(feature = "train")]
-#[expect(
-    unsafe_code,
-    reason = "nothing else runs yet that could read the environment"
-)]
-fn quiet_tensor_threads(cli: &Cli) {
-    // SAFETY: called first thing, while this is the only thread.
-    unsafe {
-        std::env::set_var("CANDLE_NUM_THREADS", "1");
-        if let Some(n) = cli.global.threads {
-            std::env::set_var("RAYON_NUM_THREADS", n.to_string());
         }
     }
 }

@@ -27,7 +27,7 @@ pub use convex::ConvexBody;
 pub use error::{ObjectError, Place};
 pub use mass::MassProperties;
 pub use mesh::{MeshReport, TriMesh};
-pub use normalised_sdf::NormalisedSdf;
+pub use normalised_sdf::{NormalisedSdf, Probe};
 pub use object::{Object, ObjectSpec};
 pub use sdf::{Normalisation, SdfGrid};
 pub use surface::Surface;

@@ -1,6 +1,7 @@
 //! What does a network see of an object? The distance grid as numbers in [-1, 1], read anywhere.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3, Vector3};
+use wide::f32x8;
 
 use crate::sdf::{Normalisation, SdfGrid};
 
@@ -18,6 +19,42 @@ pub struct NormalisedSdf {
     pub half_edge: f32,
     /// Normalised distances, `values[(ix * resolution + iy) * resolution + iz]`.
     pub values: Vec<f32>,
+}
+
+/// Points fixed to a body, read together wherever the body is.
+#[derive(Debug, Clone)]
+pub struct Probe {
+    lanes: Vec<[f32x8; 3]>,
+    len: usize,
+}
+
+impl Probe {
+    /// Of points in the frame of the body, metres.
+    pub fn new(points_m: &[[f64; 3]]) -> Self {
+        let lanes = points_m.chunks(8).map(|eight| {
+            let axis = |k: usize| {
+                let mut lane = [0.0; 8];
+                for (x, p) in lane.iter_mut().zip(eight) {
+                    *x = p[k] as f32;
+                }
+                f32x8::from(lane)
+            };
+            [axis(0), axis(1), axis(2)]
+        });
+        Self {
+            lanes: lanes.collect(),
+            len: points_m.len(),
+        }
+    }
+
+    /// How many points.
+    #[expect(
+        clippy::len_without_is_empty,
+        reason = "an empty probe is nobody's question"
+    )]
+    pub fn len(&self) -> usize {
+        self.len
+    }
 }
 
 impl NormalisedSdf {
@@ -56,12 +93,63 @@ impl NormalisedSdf {
         let (a, b) = (face(base), face(base + n * n));
         a + (b - a) * f[0]
     }
+
+    /// As [`at`](Self::at), bit by bit, for all points of a probe: point `p` of its frame lies at
+    /// `turn p + shift`, where `turn` holds the rotation divided by [`scale_m`](Self::scale_m).
+    ///
+    /// # Panics
+    /// If `out` has another length than the probe.
+    pub fn at_probe(
+        &self,
+        probe: &Probe,
+        turn: &Matrix3<f32>,
+        shift: &Vector3<f32>,
+        out: &mut [f32],
+    ) {
+        assert_eq!(out.len(), probe.len);
+        let n = self.resolution;
+        let last = (n - 1) as f32;
+        let scale = f32x8::splat(0.5 * last / self.half_edge);
+        let (middle, zero, last) = (f32x8::splat(0.5 * last), f32x8::ZERO, f32x8::splat(last));
+        let highest = f32x8::splat((n - 2) as f32);
+        for ([x, y, z], out) in probe.lanes.iter().zip(out.chunks_mut(8)) {
+            let mut low = [[0i32; 8]; 3];
+            let mut f = [zero; 3];
+            for k in 0..3 {
+                let entry = |j: usize| f32x8::splat(turn[(k, j)]);
+                let q = entry(0) * *x + entry(1) * *y + entry(2) * *z + f32x8::splat(shift[k]);
+                let place = (q * scale + middle).max(zero).min(last);
+                let whole = place.min(highest).fast_trunc_int();
+                f[k] = place - f32x8::from_i32x8(whole);
+                low[k] = whole.to_array();
+            }
+            let mut corners = [[0f32; 8]; 8];
+            for lane in 0..8 {
+                let [i, j, k] = [0, 1, 2].map(|axis| low[axis][lane] as usize);
+                let base = (i * n + j) * n + k;
+                let near = &self.values[base..base + n * n + n + 2];
+                for (c, at) in [0, n, n * n, n * n + n].into_iter().enumerate() {
+                    corners[2 * c][lane] = near[at];
+                    corners[2 * c + 1][lane] = near[at + 1];
+                }
+            }
+            let c = corners.map(f32x8::from);
+            let between = |a: f32x8, b: f32x8, f: f32x8| a + (b - a) * f;
+            let edge = |e: usize| between(c[2 * e], c[2 * e + 1], f[2]);
+            let face = |s: usize| between(edge(2 * s), edge(2 * s + 1), f[1]);
+            let value = between(face(0), face(1), f[0]).to_array();
+            for (out, value) in out.iter_mut().zip(value) {
+                *out = value;
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::shapes::Family;
+    use nalgebra::Rotation3;
 
     #[test]
     fn a_node_reads_its_own_value_and_a_far_point_that_of_the_border() {
@@ -74,5 +162,30 @@ mod tests {
             assert!((value - sdf.values[(x * 16 + y) * 16 + z]).abs() < 1e-5);
         }
         assert_eq!(sdf.at([9.0, 9.0, 9.0]), sdf.values[16 * 16 * 16 - 1]);
+    }
+
+    #[test]
+    fn a_probe_reads_what_its_points_read_one_by_one() {
+        let object = Family::Mug.member(0).object().unwrap();
+        let grid = SdfGrid::bake(&object.surface, 16, 0.1);
+        let sdf = NormalisedSdf::new(&grid, Normalisation::HalfEdge);
+        let points: Vec<[f64; 3]> = (0..27)
+            .map(|i| [i % 3, i / 3 % 3, i / 9].map(|k| 0.06 * (k as f64 - 1.0)))
+            .collect();
+        let probe = Probe::new(&points);
+        let turn = *Rotation3::from_euler_angles(0.3, -1.1, 2.0).matrix() / sdf.scale_m as f32;
+        for shift in [
+            [0.0, 0.1, -0.2],
+            [0.9, -3.0, 0.0],
+            [f32::INFINITY, 0.0, 0.0],
+        ] {
+            let shift = Vector3::from(shift);
+            let mut out = vec![0.0; probe.len()];
+            sdf.at_probe(&probe, &turn, &shift, &mut out);
+            for (p, d) in points.iter().zip(out) {
+                let q = turn * Vector3::from(p.map(|x| x as f32)) + shift;
+                assert_eq!(d.to_bits(), sdf.at([q.x, q.y, q.z]).to_bits());
+            }
+        }
     }
 }

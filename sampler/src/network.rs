@@ -7,7 +7,7 @@ use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Tensor, TensorElementType, ValueType};
 use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
-use shakedown_objects::{NormalisedSdf, Object, SdfGrid};
+use shakedown_objects::{NormalisedSdf, Object, Probe, SdfGrid};
 
 use crate::card::{Centring, ModelCard, ModelError};
 use crate::files::ModelFiles;
@@ -57,6 +57,7 @@ pub struct FlowModel {
     encoder_path: PathBuf,
     latent: usize,
     extras: Extras,
+    probe: Probe,
 }
 
 impl FlowModel {
@@ -122,6 +123,7 @@ impl FlowModel {
         }
         let hash = files.hash();
         let mut model = Self {
+            probe: Probe::new(&card.control_points_m),
             card,
             hash,
             runtime,
@@ -297,17 +299,14 @@ impl VelocityField for Bound<'_> {
             ));
         }
         if extras.sdf_at_points {
-            let points = &self.model.card.control_points_m;
-            let mut values = Vec::with_capacity(n * points.len());
-            for s in samples {
+            let points = self.model.probe.len();
+            let mut values = vec![0.0; n * points];
+            for (s, out) in samples.iter().zip(values.chunks_mut(points)) {
                 let turn = (s.rotation.to_rotation_matrix().matrix() / self.sdf.scale_m).cast();
-                let shift: Vector3<f32> = s.translation.cast();
-                values.extend(points.iter().map(|p| {
-                    let q: Vector3<f32> = turn * Vector3::from(p.map(|x| x as f32)) + shift;
-                    self.sdf.at([q.x, q.y, q.z])
-                }));
+                let shift = s.translation.cast();
+                self.sdf.at_probe(&self.model.probe, &turn, &shift, out);
             }
-            let shape = vec![b, points.len() as i64];
+            let shape = vec![b, points as i64];
             inputs.push(("sdf_at_points", tensor(&path, shape, values)?));
         }
         let outputs = self

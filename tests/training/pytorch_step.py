@@ -18,17 +18,16 @@ import torch
 from torch import nn
 
 PRESETS = {
-    # objects, grasps each, features, latent, layers; grid edge or histogram bins
-    "paper": (16, 64, 9 + 3 + 1 + 8, 256, 4, 32),
-    "best": (8, 64, 2 * 365 + 3 + 1 + 1 + 8, 32, 5, 16),
+    # objects, grasps each, features, latent, layers, their width; grid edge or histogram bins
+    "paper": (16, 64, 9 + 3 + 1 + 8, 256, 4, 512, 32),
+    "best": (8, 64, 2 * 365 + 3 + 1 + 1 + 8, 32, 5, 576, 16),
 }
-WIDTH = 512
 
 
 class Network(nn.Module):
     def __init__(self, name):
         super().__init__()
-        self.objects, self.each, features, latent, layers, size = PRESETS[name]
+        self.objects, self.each, features, latent, layers, width, size = PRESETS[name]
         self.size = size
         if name == "paper":
             channels = [1, 16, 32, 64, 128]
@@ -43,9 +42,9 @@ class Network(nn.Module):
             inputs = size
             self.grid = (self.objects, size)
         self.latent = nn.Sequential(nn.Linear(inputs + 1, latent), nn.SiLU())
-        self.first = nn.Linear(features + latent, WIDTH)
-        self.layers = nn.ModuleList(nn.Linear(WIDTH, WIDTH) for _ in range(layers - 1))
-        self.out = nn.Linear(WIDTH, 12)
+        self.first = nn.Linear(features + latent, width)
+        self.layers = nn.ModuleList(nn.Linear(width, width) for _ in range(layers - 1))
+        self.out = nn.Linear(width, 12)
         self.features = features
 
     def forward(self, grids, scale, features):

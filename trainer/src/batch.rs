@@ -5,11 +5,11 @@
 //! `log(R0^T R1)` in the body frame; the targets printed as eq. 8 and 9 divide by `s` and are not
 //! the derivatives of these paths.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use shakedown_objects::NormalisedSdf;
+use shakedown_objects::{NormalisedSdf, Probe};
 use shakedown_sampler::seed;
 
 use crate::data::TrainingObject;
@@ -35,7 +35,7 @@ pub struct Batch {
 pub struct Batches<'a> {
     preset: &'a Preset,
     objects: &'a [TrainingObject],
-    points_m: Vec<Point3<f32>>,
+    probe: Probe,
     run_seed: u64,
 }
 
@@ -59,14 +59,10 @@ struct Part {
 impl<'a> Batches<'a> {
     /// Batches of `objects`, each of which has grasps.
     pub fn new(preset: &'a Preset, objects: &'a [TrainingObject], run_seed: u64) -> Self {
-        let points_m = features::control_points_m()
-            .into_iter()
-            .map(|p| Point3::from(p).cast())
-            .collect();
         Self {
             preset,
             objects,
-            points_m,
+            probe: Probe::new(&features::control_points_m()),
             run_seed,
         }
     }
@@ -151,7 +147,7 @@ impl<'a> Batches<'a> {
                 from.rotation * UnitQuaternion::new(omega * s),
             );
             let out = &mut features[i * width..(i + 1) * width];
-            features::write(network, &self.points_m, sdf, &here, time, out);
+            features::write(network, &self.probe, sdf, &here, time, out);
             let v = if network.hand_frame {
                 here.rotation.inverse() * velocity * unit
             } else {

@@ -1,10 +1,9 @@
 //! A training that can be killed at any time: weights, moments and history in one file.
 
-use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use candle_core::{Device, Tensor, safetensors};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use crate::adam::Weights;
 use crate::error::TrainError;
@@ -47,23 +46,36 @@ pub fn replace(
 /// # Errors
 /// A disk that cannot be written; the previous checkpoint stays.
 pub fn save(directory: &Path, preset: &Preset, weights: &Weights) -> Result<(), TrainError> {
-    let mut tensors = HashMap::new();
-    let cpu = &Device::Cpu;
+    let mut arrays = vec![(
+        "step".to_owned(),
+        Dtype::I64,
+        vec![1],
+        weights.step.to_le_bytes().to_vec(),
+    )];
     for (k, p) in weights.parameters.iter().enumerate() {
-        let mut add = |kind: &str, values: &[f32]| -> Result<(), TrainError> {
-            let tensor = Tensor::from_slice(values, p.shape.as_slice(), cpu)?;
-            tensors.insert(format!("{kind}/{}", p.name), tensor);
-            Ok(())
-        };
-        add("weight", &p.values)?;
-        add("mean", &weights.mean[k])?;
-        add("first", &weights.first[k])?;
-        add("second", &weights.second[k])?;
+        let kinds = [
+            ("weight", &p.values),
+            ("mean", &weights.mean[k]),
+            ("first", &weights.first[k]),
+            ("second", &weights.second[k]),
+        ];
+        for (kind, values) in kinds {
+            let bytes = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+            arrays.push((
+                format!("{kind}/{}", p.name),
+                Dtype::F32,
+                p.shape.clone(),
+                bytes,
+            ));
+        }
     }
-    tensors.insert("step".into(), Tensor::new(&[weights.step as i64], cpu)?);
+    let views = arrays.iter().map(|(name, dtype, shape, bytes)| {
+        let view = TensorView::new(*dtype, shape.clone(), bytes).expect("as many bytes as numbers");
+        (name, view)
+    });
     replace(&directory.join(PRESET), |p| fs::write(p, preset.to_toml()))?;
     replace(&file(directory), |p| {
-        safetensors::save(&tensors, p).map_err(std::io::Error::other)
+        safetensors::serialize_to_file(views, None, p).map_err(std::io::Error::other)
     })
 }
 
@@ -100,28 +112,33 @@ pub fn load(directory: &Path, preset: &Preset) -> Result<Weights, TrainError> {
         ));
     }
     let damaged = |what: String| TrainError::bad(&path, format!("damaged checkpoint: {what}"));
-    let tensors = safetensors::load(&path, &Device::Cpu).map_err(|e| damaged(e.to_string()))?;
-    let get = |name: String, shape: &[usize]| -> Result<Vec<f32>, TrainError> {
-        let tensor = tensors
-            .get(&name)
-            .ok_or_else(|| damaged(format!("no {name}")))?;
-        if tensor.dims() != shape {
-            return Err(damaged(format!("{name} is {:?}", tensor.dims())));
+    let bytes = fs::read(&path).map_err(|e| TrainError::io("read", &path, e))?;
+    let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
+    let get = |name: &str, dtype: Dtype, shape: &[usize]| {
+        let tensor = tensors.tensor(name).map_err(|e| damaged(e.to_string()))?;
+        if tensor.dtype() != dtype || tensor.shape() != shape {
+            let (dtype, shape) = (tensor.dtype(), tensor.shape());
+            return Err(damaged(format!("{name} is {dtype:?} {shape:?}")));
         }
-        Ok(tensor.flatten_all()?.to_vec1()?)
+        Ok(tensor.data())
     };
-    let step = tensors
-        .get("step")
-        .and_then(|t| t.to_vec1::<i64>().ok())
-        .and_then(|v| u64::try_from(*v.first()?).ok())
-        .ok_or_else(|| damaged("no step".into()))?;
+    let numbers = |name: String, shape: &[usize]| -> Result<Vec<f32>, TrainError> {
+        let (numbers, _) = get(&name, Dtype::F32, shape)?.as_chunks();
+        Ok(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect())
+    };
+    let step = get("step", Dtype::I64, &[1])?;
+    let step = u64::from_le_bytes(step.try_into().expect("one number of 64 bits"));
     let mut weights = Weights::new(Vec::new());
     weights.step = step;
     for (name, shape) in layout(preset) {
-        weights.mean.push(get(format!("mean/{name}"), &shape)?);
-        weights.first.push(get(format!("first/{name}"), &shape)?);
-        weights.second.push(get(format!("second/{name}"), &shape)?);
-        let values = get(format!("weight/{name}"), &shape)?;
+        weights.mean.push(numbers(format!("mean/{name}"), &shape)?);
+        weights
+            .first
+            .push(numbers(format!("first/{name}"), &shape)?);
+        weights
+            .second
+            .push(numbers(format!("second/{name}"), &shape)?);
+        let values = numbers(format!("weight/{name}"), &shape)?;
         weights.parameters.push(Parameter {
             name,
             shape,

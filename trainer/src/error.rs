@@ -38,9 +38,6 @@ pub enum TrainError {
         /// The loss.
         loss: f32,
     },
-    /// The tensor library failed: a bug.
-    #[error("tensors: {0}")]
-    Tensor(#[from] candle_core::Error),
     /// The model that was written is not usable.
     #[error(transparent)]
     Model(#[from] shakedown_sampler::ModelError),

@@ -1,8 +1,9 @@
 //! What does the network see of one pose? The same numbers as the exported graph computes.
 
-use nalgebra::{Isometry3, Point3, Vector3};
-use shakedown_objects::NormalisedSdf;
+use nalgebra::Isometry3;
+use shakedown_objects::{NormalisedSdf, Probe};
 
+use crate::activation::tanh;
 use crate::preset::NetworkPreset;
 
 /// Lengths inside the network are in decimetres, the size of a hand.
@@ -83,10 +84,11 @@ pub fn count(network: &NetworkPreset) -> usize {
     }
 }
 
-/// Writes the features of a pose (normalised frame) at a time into `out`.
+/// Writes the features of a pose (normalised frame) at a time into `out`; `probe` holds the
+/// [`control_points_m`].
 pub fn write(
     network: &NetworkPreset,
-    points_m: &[Point3<f32>],
+    probe: &Probe,
     sdf: &NormalisedSdf,
     pose: &Isometry3<f32>,
     time: f32,
@@ -95,24 +97,22 @@ pub fn write(
     let scale_m = sdf.scale_m as f32;
     let rotation = pose.rotation.to_rotation_matrix();
     let t = pose.translation.vector;
+    let (distances, rest) = if network.hand_frame {
+        out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len())
+    } else {
+        out.split_at_mut(0)
+    };
     let mut k = 0;
     let mut put = |x: f32| {
-        out[k] = x;
+        rest[k] = x;
         k += 1;
     };
     if network.hand_frame {
-        let m = rotation.matrix() / scale_m;
-        let distances: Vec<f32> = points_m
-            .iter()
-            .map(|p| {
-                let q: Vector3<f32> = m * p.coords + t;
-                sdf.at([q.x, q.y, q.z]) * scale_m
-            })
-            .collect();
-        for w in DISTANCE_WIDTHS_M {
-            for d in &distances {
-                put((d / w).tanh());
-            }
+        let (first, second) = distances.split_at_mut(probe.len());
+        sdf.at_probe(probe, &(rotation.matrix() / scale_m), &t, first);
+        second.copy_from_slice(first);
+        for (part, width) in [first, second].into_iter().zip(DISTANCE_WIDTHS_M) {
+            tanh(part, scale_m / width);
         }
         let centre = rotation.inverse() * t * (scale_m / LENGTH_UNIT_M);
         for x in centre.iter() {

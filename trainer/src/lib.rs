@@ -2,12 +2,14 @@
 //! exported to the two ONNX graphs of the contract.
 //!
 //! data ([`data`]) -> batches of noise, path and target ([`batch`], [`pairing`], [`features`]) ->
-//! network ([`network`], [`conv`], [`silu`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
+//! network ([`network`]) and gradient ([`gradient`], of [`layer`], [`conv`], [`activation`] and
+//! [`product`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
 //! checkpoints and a log -> graphs ([`export`], [`onnx`]).
 //!
 //! The method is that of RFMGrasp; where it is silent or contradicts itself, the presets say what
 //! was chosen.
 
+pub mod activation;
 pub mod adam;
 pub mod batch;
 pub mod checkpoint;
@@ -16,12 +18,14 @@ pub mod data;
 pub mod error;
 pub mod export;
 pub mod features;
+pub mod gradient;
 pub mod history;
+pub mod layer;
 pub mod network;
 pub mod onnx;
 pub mod pairing;
 pub mod preset;
-pub mod silu;
+pub mod product;
 pub mod train;
 
 pub use data::{Pair, TaughtPath, TrainingObject};

@@ -1,13 +1,11 @@
-//! From features and latent to a velocity: the network and its numbers.
+//! The network's numbers: which there are, and where they start.
 
-use candle_core::{Device, Result, Tensor, Var};
 use rand::RngExt as _;
 use shakedown_sampler::seed;
 
-use crate::conv::{KERNEL, unfold};
-use crate::features::{self, HISTOGRAM_CENTRES, LENGTH_UNIT_M};
+use crate::conv::KERNEL;
+use crate::features::{self, HISTOGRAM_CENTRES};
 use crate::preset::{Encoder, Preset};
-use crate::silu::silu;
 
 /// Channels of the four convolutions.
 pub const CHANNELS: [usize; 4] = [16, 32, 64, 128];
@@ -89,105 +87,4 @@ pub fn initial(preset: &Preset, run_seed: u64) -> Vec<Parameter> {
             }
         })
         .collect()
-}
-
-/// The network as tensors.
-pub struct Network {
-    preset: Preset,
-    /// Weights in the order of [`layout`].
-    pub vars: Vec<Var>,
-}
-
-impl Network {
-    /// Tensors of `parameters`.
-    ///
-    /// # Errors
-    /// Those of the tensor library.
-    pub fn new(preset: &Preset, parameters: &[Parameter]) -> Result<Self> {
-        let vars = parameters
-            .iter()
-            .map(|p| {
-                let tensor = Tensor::from_slice(&p.values, p.shape.as_slice(), &Device::Cpu)?;
-                Var::from_tensor(&tensor)
-            })
-            .collect::<Result<_>>()?;
-        Ok(Self {
-            preset: preset.clone(),
-            vars,
-        })
-    }
-
-    /// Latents `[G, L]` of `grids` (`[G, D, D, D, 1]`, or `[G, bins]` for the histogram encoder)
-    /// and `scale_m` `[G, 1]`.
-    ///
-    /// # Errors
-    /// Those of the tensor library.
-    pub fn encode(&self, grids: &Tensor, scale_m: &Tensor) -> Result<Tensor> {
-        let scale = (scale_m / f64::from(LENGTH_UNIT_M))?;
-        let groups = scale.dim(0)?;
-        let mut x = grids.clone();
-        let mut layers = self.vars.chunks(2);
-        if self.preset.network.encoder == Encoder::Conv {
-            for c in CHANNELS {
-                let edge = x.dim(1)? / 2;
-                let layer = layers.next().expect("as laid out");
-                x = silu(&linear(&unfold(&x)?, layer)?)?.reshape((groups, edge, edge, edge, c))?;
-            }
-            x = x.flatten_from(1)?;
-        }
-        let x = Tensor::cat(&[&x, &scale], 1)?;
-        silu(&linear(&x, layers.next().expect("as laid out"))?)
-    }
-
-    /// Raw velocities `[B, 12]` of `features` `[B, F]`; every `latent` row serves `B / G` rows in
-    /// turn.
-    ///
-    /// # Errors
-    /// Those of the tensor library.
-    pub fn velocity(&self, features: &Tensor, latent: &Tensor) -> Result<Tensor> {
-        let (groups, width) = latent.dims2()?;
-        let batch = features.dim(0)?;
-        let each = batch / groups;
-        let latent = latent
-            .reshape((groups, 1, width))?
-            .broadcast_as((groups, each, width))?
-            .reshape((batch, width))?;
-        let skip = self.vars.len() - 2 * (self.preset.network.layers + 1);
-        let mut layers = self.vars[skip..].chunks(2);
-        let first = layers.next().expect("as laid out");
-        let mut x = silu(&linear(&Tensor::cat(&[features, &latent], 1)?, first)?)?;
-        for _ in 1..self.preset.network.layers {
-            let layer = layers.next().expect("as laid out");
-            x = (&x + silu(&linear(&x, layer)?)?)?;
-        }
-        linear(&x, layers.next().expect("as laid out"))
-    }
-}
-
-fn linear(x: &Tensor, layer: &[Var]) -> Result<Tensor> {
-    x.matmul(&layer[0].t()?)?.broadcast_add(&layer[1])
-}
-
-/// Squared errors of rotation (rad^2) and translation, means over the batch, from raw velocities
-/// `[B, 12]` and targets `[B, 6]` (body-frame angular velocity, translation velocity).
-///
-/// The skew projection of RFMGrasp eq. 12 comes first: omega = vee((xi - xi^T) / 2).
-///
-/// # Errors
-/// Those of the tensor library.
-pub fn losses(raw: &Tensor, target: &Tensor) -> Result<(Tensor, Tensor)> {
-    // Columns of xi: omega_x = (xi21 - xi12) / 2, omega_y = (xi02 - xi20) / 2, ...
-    let mut projection = [[0f32; 6]; OUTPUTS];
-    for (axis, (plus, minus)) in [(7, 5), (2, 6), (3, 1)].into_iter().enumerate() {
-        projection[plus][axis] = 0.5;
-        projection[minus][axis] = -0.5;
-    }
-    for axis in 0..3 {
-        projection[9 + axis][3 + axis] = 1.0;
-    }
-    let projection = Tensor::new(&projection, &Device::Cpu)?;
-    let error = (raw.matmul(&projection)? - target)?.sqr()?;
-    let batch = error.dim(0)? as f64;
-    let part = |from: usize| error.narrow(1, from, 3)?.sum_all()? / batch;
-    Ok((part(0)?, part(3)?))
 }

@@ -5,18 +5,16 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use candle_core::{Device, Tensor};
-
 use crate::adam::{Weights, learning_rate};
-use crate::batch::{Batch, Batches};
+use crate::batch::Batches;
 use crate::checkpoint;
 use crate::data::TrainingObject;
 use crate::error::TrainError;
 use crate::export::{Provenance, export};
-use crate::features;
+use crate::gradient::Network;
 use crate::history::{self, Entry};
-use crate::network::{self, Network};
-use crate::preset::{Encoder, Preset};
+use crate::network;
+use crate::preset::Preset;
 
 /// Steps between two rows of the log.
 const REPORT_STEPS: u64 = 50;
@@ -105,25 +103,23 @@ pub fn train(training: &Training<'_>, observer: &mut dyn Observer) -> Result<boo
     let steps = preset.training.steps;
     let mut sums = [0f64; 2];
     let mut since = 0u32;
+    let mut network = Network::new(preset);
     let mut next = batches.batch(weights.step);
     while weights.step < steps {
         let step = weights.step;
         let batch = next;
-        let (result, following) = rayon::join(
-            || gradients(preset, &weights, &batch),
+        let ((losses, gradients), following) = rayon::join(
+            || network.gradients(&weights.parameters, &batch),
             || batches.batch(step + 1),
         );
         next = following;
-        let (loss, gradients) = result?;
-        if !(loss[0].is_finite() && loss[1].is_finite()) {
-            return Err(TrainError::Diverged {
-                step,
-                loss: loss[0] + loss[1],
-            });
+        let loss = losses.rotation + losses.translation;
+        if !loss.is_finite() {
+            return Err(TrainError::Diverged { step, loss });
         }
-        weights.update(&gradients, &preset.training);
-        sums[0] += f64::from(loss[0]);
-        sums[1] += f64::from(loss[1]);
+        weights.update(gradients, &preset.training);
+        sums[0] += f64::from(losses.rotation);
+        sums[1] += f64::from(losses.translation);
         since += 1;
         if weights.step.is_multiple_of(REPORT_STEPS) || weights.step == steps {
             entries.push(Entry {
@@ -171,54 +167,4 @@ pub fn train(training: &Training<'_>, observer: &mut dyn Observer) -> Result<boo
     };
     export(out, preset, &weights.averaged(), &provenance)?;
     Ok(weights.step >= steps)
-}
-
-/// The two losses of a batch and the gradient of their weighted sum.
-///
-/// # Errors
-/// Those of the tensor library.
-pub fn gradients(
-    preset: &Preset,
-    weights: &Weights,
-    batch: &Batch,
-) -> Result<([f32; 2], Vec<Vec<f32>>), TrainError> {
-    let network = Network::new(preset, &weights.parameters)?;
-    let raw = forward(preset, &network, batch)?;
-    let rows = raw.dim(0)?;
-    let target = Tensor::from_slice(&batch.targets, (rows, 6), &Device::Cpu)?;
-    let (rotation, translation) = network::losses(&raw, &target)?;
-    let weight = f64::from(preset.training.translation_weight);
-    let loss = (&rotation + (&translation * weight)?)?;
-    let store = loss.backward()?;
-    let gradients = network
-        .vars
-        .iter()
-        .map(|v| match store.get(v) {
-            Some(g) => g.flatten_all()?.to_vec1(),
-            None => Ok(vec![0.0; v.elem_count()]),
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(([rotation.to_scalar()?, translation.to_scalar()?], gradients))
-}
-
-/// Raw velocities `[B, 12]` of a batch.
-///
-/// # Errors
-/// Those of the tensor library.
-pub fn forward(preset: &Preset, network: &Network, batch: &Batch) -> Result<Tensor, TrainError> {
-    let cpu = &Device::Cpu;
-    let groups = batch.scale_m.len();
-    let scale = Tensor::from_slice(&batch.scale_m, (groups, 1), cpu)?;
-    let d = preset.flow.resolution;
-    let grids = match preset.network.encoder {
-        Encoder::Conv => Tensor::from_slice(&batch.grids, (groups, d, d, d, 1), cpu)?,
-        Encoder::Histogram => {
-            Tensor::from_slice(&batch.grids, (groups, batch.grids.len() / groups), cpu)?
-        }
-    };
-    let width = features::count(&preset.network);
-    let rows = batch.features.len() / width;
-    let features = Tensor::from_slice(&batch.features, (rows, width), cpu)?;
-    let latent = network.encode(&grids, &scale)?;
-    Ok(network.velocity(&features, &latent)?)
 }

@@ -6,16 +6,16 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use shakedown_gripper_assets::Gripper;
-use shakedown_objects::Object;
 use shakedown_objects::shapes::Family;
+use shakedown_objects::{Object, Probe};
 use shakedown_sampler::{AntipodalSettings, FlowModel, sample_antipodal};
 use shakedown_trainer::batch::{Batch, Batches};
 use shakedown_trainer::export::{Provenance, export};
+use shakedown_trainer::gradient::Network;
 use shakedown_trainer::history::Entry;
-use shakedown_trainer::network::{Network, initial};
-use shakedown_trainer::train::forward;
+use shakedown_trainer::network::initial;
 use shakedown_trainer::{
     Observer, Pair, Preset, Progress, TrainError, Training, TrainingObject, features, train,
 };
@@ -121,10 +121,7 @@ fn the_exported_graphs_are_the_network() {
         let own = TrainingObject::new("mug", &object.surface, &[], gripper.tcp_z_m, &preset);
         let own = own.unwrap();
         let width = features::count(&preset.network);
-        let points: Vec<Point3<f32>> = features::control_points_m()
-            .into_iter()
-            .map(|p| Point3::from(p).cast())
-            .collect();
+        let points = Probe::new(&features::control_points_m());
         let mut batch = Batch {
             grids: match name {
                 "paper" => own.sdf.values.clone(),
@@ -141,9 +138,9 @@ fn the_exported_graphs_are_the_network() {
             );
             features::write(&preset.network, &points, &own.sdf, &pose, 0.0, out);
         }
-        let network = Network::new(&preset, &parameters).unwrap();
-        let raw = forward(&preset, &network, &batch).unwrap();
-        for (path, raw) in paths.iter().zip(raw.to_vec2::<f32>().unwrap()) {
+        let mut network = Network::new(&preset);
+        let raw = network.forward(&parameters, &batch);
+        for (path, raw) in paths.iter().zip(raw.chunks(12)) {
             let xi = |r: usize, c: usize| f64::from(raw[3 * r + c]);
             let omega = Vector3::new(
                 (xi(2, 1) - xi(1, 2)) / 2.0,
