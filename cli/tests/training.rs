@@ -20,12 +20,23 @@ fn train(directory: &Path, args: &[&str]) -> (Option<i32>, String) {
 
 /// The preset `best`, made small and short.
 fn small_preset(directory: &Path) {
-    let text = include_str!("../../trainer/presets/best.toml")
-        .replace("width = 512", "width = 16")
-        .replace("resolution = 48", "resolution = 16")
-        .replace("objects_per_batch = 8", "objects_per_batch = 2")
-        .replace("grasps_per_object = 64", "grasps_per_object = 8")
-        .replace("steps = 24000", "steps = 50");
+    let mut preset: toml::Table = include_str!("../../trainer/presets/best.toml")
+        .parse()
+        .unwrap();
+    for (table, key, value) in [
+        ("network", "width", 16),
+        ("flow", "resolution", 16),
+        ("training", "objects_per_batch", 2),
+        ("training", "grasps_per_object", 8),
+        ("training", "steps", 50),
+    ] {
+        let old = preset[table]
+            .as_table_mut()
+            .unwrap()
+            .insert(key.into(), value.into());
+        assert!(old.is_some(), "{table}.{key} is no key of the preset");
+    }
+    let text = preset.to_string();
     fs::write(directory.join("small.toml"), text).unwrap();
 }
 

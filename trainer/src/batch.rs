@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use shakedown_objects::{NormalisedSdf, Probe};
 use shakedown_sampler::seed;
 
-use crate::data::TrainingObject;
+use crate::data::{Pair, TrainingObject};
 use crate::features::{self, LENGTH_UNIT_M};
 use crate::pairing;
 use crate::preset::{Encoder, Preset};
@@ -36,6 +36,8 @@ pub struct Batches<'a> {
     preset: &'a Preset,
     objects: &'a [TrainingObject],
     probe: Probe,
+    /// Sums of the objects' difficulties, where a teacher has shown them; else all are drawn alike.
+    up_to: Vec<f32>,
     run_seed: u64,
 }
 
@@ -59,7 +61,16 @@ struct Part {
 impl<'a> Batches<'a> {
     /// Batches of `objects`, each of which has grasps.
     pub fn new(preset: &'a Preset, objects: &'a [TrainingObject], run_seed: u64) -> Self {
+        let mut sum = 0.0;
+        let up_to = objects.iter().map(|o| {
+            sum += o.difficulty();
+            sum
+        });
+        let is_taught = objects.iter().any(|o| !o.pairs.is_empty());
         Self {
+            up_to: up_to
+                .take(if is_taught { objects.len() } else { 0 })
+                .collect(),
             preset,
             objects,
             probe: Probe::new(&features::control_points_m()),
@@ -71,7 +82,14 @@ impl<'a> Batches<'a> {
     pub fn batch(&self, step: u64) -> Batch {
         let mut chosen = seed::stream(self.run_seed, "batch-v1", "", "", step);
         let picks: Vec<usize> = (0..self.preset.training.objects_per_batch)
-            .map(|_| chosen.random_range(0..self.objects.len()))
+            .map(|_| match self.up_to.last() {
+                None => chosen.random_range(0..self.objects.len()),
+                Some(sum) => {
+                    let at = sum * chosen.random::<f32>();
+                    let pick = self.up_to.partition_point(|u| *u <= at);
+                    pick.min(self.objects.len() - 1)
+                }
+            })
             .collect();
         let parts: Vec<Part> = picks
             .par_iter()
@@ -118,7 +136,7 @@ impl<'a> Batches<'a> {
         };
         let mut ways = self.drawn(object, &turned_by, unit, drawn, until, rng);
         while ways.len() < k {
-            let pair = object.pairs[rng.random_range(0..object.pairs.len())];
+            let pair = drawn_pair(object, rng);
             ways.push(Way {
                 from: turned_by * pair.from,
                 to: turned_by * pair.to,
@@ -206,6 +224,19 @@ impl<'a> Batches<'a> {
         };
         noise.into_iter().zip(grasps).map(way).collect()
     }
+}
+
+/// A pair of an object: one that mends something with the probability of its difficulty.
+fn drawn_pair(object: &TrainingObject, rng: &mut ChaCha8Rng) -> Pair {
+    let (mended, straight) = object.mended_and_straight();
+    let prefers_mended = rng.random::<f32>() < object.difficulty();
+    let pairs = match (mended.is_empty(), straight.is_empty()) {
+        (true, _) => straight,
+        (_, true) => mended,
+        _ if prefers_mended => mended,
+        _ => straight,
+    };
+    pairs[rng.random_range(0..pairs.len())]
 }
 
 /// `log(a^T b)`: through the quaternion, exact to f32 at every angle, where the arc cosine of the

@@ -25,7 +25,7 @@ pub struct TrainingObject {
     pub poses: Vec<Isometry3<f32>>,
     /// Poses on their way with the grasps that they shall become, both in that frame. What comes
     /// before the earliest of their times, or all where there are none, is drawn and paired anew in
-    /// every batch.
+    /// every batch. Those that are mended come first.
     pub pairs: Vec<Pair>,
 }
 
@@ -97,9 +97,27 @@ impl TrainingObject {
                     time: path.time,
                     from: pose(&path.from),
                     to,
+                    is_mended: !path.is_good,
                 }
             })
             .collect();
+        // What is mended comes first.
+        self.pairs.sort_by_key(|p| !p.is_mended);
+    }
+
+    /// The pairs that mend something, and the others.
+    pub fn mended_and_straight(&self) -> (&[Pair], &[Pair]) {
+        let mended = self.pairs.partition_point(|p| p.is_mended);
+        self.pairs.split_at(mended)
+    }
+
+    /// How much is left to learn here: the standard deviation of "this path is mended",
+    /// `sqrt(f (1 - f))`, in proportion to which a stratified sample is best drawn (J. Neyman, Journal of
+    /// the Royal Statistical Society 97, 1934). The share f is smoothed, so that no object is forgotten.
+    pub fn difficulty(&self) -> f32 {
+        let mended = self.mended_and_straight().0.len() as f32;
+        let share = (mended + 1.0) / (self.pairs.len() as f32 + 2.0);
+        (share * (1.0 - share)).sqrt()
     }
 
     /// The earliest time of a pair; 1 without pairs.
@@ -117,6 +135,8 @@ pub struct Pair {
     pub from: Isometry3<f32>,
     /// The grasp.
     pub to: Isometry3<f32>,
+    /// Did the teacher end elsewhere, in no good grasp?
+    pub is_mended: bool,
 }
 
 /// A path of a trained model, judged.

@@ -207,6 +207,7 @@ fn from_noise(from: Isometry3<f32>, to: Isometry3<f32>) -> Pair {
         time: 0.0,
         from,
         to,
+        is_mended: false,
     }
 }
 
@@ -243,6 +244,57 @@ fn what_is_taught_from_a_time_on_leads_to_the_grasps_of_the_pairs() {
         );
     }
     assert_eq!(drawn.targets.len(), batch.targets.len());
+}
+
+/// Two poses of a pair that mends and of one that does not, told apart by where they begin.
+#[test]
+fn what_the_teacher_got_wrong_is_shown_more_often() {
+    let mut preset = small("best");
+    preset.training.grasps_per_object = 64;
+    let mut objects = data(&preset);
+    let pair = |x: f32, is_mended: bool| {
+        let pose = Isometry3::translation(x, 0.1, 0.3);
+        Pair {
+            is_mended,
+            ..from_noise(pose, pose)
+        }
+    };
+    // The first object: 2 of 50 mended; the second: 25 of 50.
+    for (object, mended) in objects.iter_mut().zip([2, 25]) {
+        object.pairs = (0..50)
+            .map(|i| pair(if i < mended { 0.2 } else { -0.2 }, i < mended))
+            .collect();
+    }
+    assert!((objects[0].difficulty() - (3.0f32 * 49.0).sqrt() / 52.0).abs() < 1e-6);
+    let (mended, straight) = objects[0].mended_and_straight();
+    assert_eq!((mended.len(), straight.len()), (2, 48));
+    let batches = Batches::new(&preset, &objects, 0);
+    let width = features::count(&preset.network);
+    let centre = 2 * features::control_points_m().len();
+    let scale_m = objects[0].sdf.scale_m as f32;
+    let mut seen = [[0usize; 2]; 2];
+    for step in 0..40 {
+        let batch = batches.batch(step);
+        let groups = batch.features.chunks(64 * width);
+        for (rows, scale) in groups.zip(&batch.scale_m) {
+            let object = usize::from(*scale != scale_m);
+            for row in rows.chunks(width) {
+                seen[object][usize::from(row[centre] > 0.0)] += 1;
+            }
+        }
+    }
+    let share = |s: [usize; 2]| s[1] as f32 / (s[0] + s[1]) as f32;
+    assert!(
+        (share(seen[0]) - objects[0].difficulty()).abs() < 0.05,
+        "{seen:?}"
+    );
+    assert!(
+        (share(seen[1]) - objects[1].difficulty()).abs() < 0.05,
+        "{seen:?}"
+    );
+    let first = (seen[0][0] + seen[0][1]) as f32 / (40 * 2 * 64) as f32;
+    let expected = objects[0].difficulty() / (objects[0].difficulty() + objects[1].difficulty());
+    assert!((first - expected).abs() < 0.15, "{first} {expected}");
 }
 
 #[test]
