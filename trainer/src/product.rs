@@ -35,6 +35,14 @@ impl Shape {
         }
     }
 
+    /// Rows must not overlap: several threads write to them.
+    fn has_columns(&self, count: usize) {
+        assert!(
+            self.column_stride == 1 && count <= self.columns,
+            "as many columns"
+        );
+    }
+
     fn is_within(&self, len: usize) -> bool {
         let last = |count: usize, stride: usize| count.saturating_sub(1) * stride;
         self.rows * self.columns == 0
@@ -65,7 +73,11 @@ impl<'a> Matrix<'a> {
     }
 
     /// Columns `from..from + count` of a matrix that is not transposed.
+    ///
+    /// # Panics
+    /// If it has fewer columns, or is transposed.
     pub fn columns(self, from: usize, count: usize) -> Self {
+        self.shape.has_columns(from + count);
         Self {
             values: &self.values[from..],
             shape: Shape {
@@ -87,7 +99,11 @@ impl<'a> MatrixMut<'a> {
     }
 
     /// Columns `from..from + count`.
+    ///
+    /// # Panics
+    /// If it has fewer columns.
     pub fn columns(self, from: usize, count: usize) -> Self {
+        self.shape.has_columns(from + count);
         Self {
             values: &mut self.values[from..],
             shape: Shape {
@@ -180,6 +196,12 @@ mod tests {
             .set_product(Matrix::new(&a, 5).transposed(), Matrix::new(&a, 5));
         let expected: f32 = (0..3).map(|k| a[5 * k + 1] * a[5 * k + 4]).sum();
         assert_eq!(square[9], expected);
+    }
+
+    #[test]
+    #[should_panic(expected = "as many columns")]
+    fn columns_that_are_not_there_are_a_bug() {
+        Matrix::new(&[0.0; 6], 3).columns(2, 2);
     }
 
     #[test]
