@@ -119,6 +119,10 @@ impl FlowModel {
             check.input("sdf", &[-1, 1, d, d, d])?;
         }
         if extras.sdf_at_points {
+            if card.control_points_m.is_empty() {
+                let what = "`sdf_at_points` is wanted, but model.toml names no control_points_m";
+                return Err(check.bad(what.into()));
+            }
             check.input("sdf_at_points", &[-1, card.control_points_m.len() as i64])?;
         }
         let hash = files.hash();

@@ -159,6 +159,16 @@ fn every_defect_of_a_model_names_file_and_tensor() {
         "velocity.onnx",
         "`colour`",
     );
+    check(
+        &|| {
+            let mut m = velocity();
+            let points = value("sdf_at_points", FLOAT, &[-1, -1]);
+            m.graph.as_mut().unwrap().input.push(points);
+            write(&m, "velocity.onnx");
+        },
+        "velocity.onnx",
+        "`sdf_at_points`",
+    );
 }
 
 #[test]

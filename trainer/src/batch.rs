@@ -61,16 +61,15 @@ struct Part {
 impl<'a> Batches<'a> {
     /// Batches of `objects`, each of which has grasps.
     pub fn new(preset: &'a Preset, objects: &'a [TrainingObject], run_seed: u64) -> Self {
+        let is_taught = objects.iter().any(|o| !o.pairs.is_empty());
+        let taught = if is_taught { objects } else { &[] };
         let mut sum = 0.0;
-        let up_to = objects.iter().map(|o| {
+        let up_to = taught.iter().map(|o| {
             sum += o.difficulty();
             sum
         });
-        let is_taught = objects.iter().any(|o| !o.pairs.is_empty());
         Self {
-            up_to: up_to
-                .take(if is_taught { objects.len() } else { 0 })
-                .collect(),
+            up_to: up_to.collect(),
             preset,
             objects,
             probe: Probe::new(&features::control_points_m()),

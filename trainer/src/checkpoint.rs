@@ -127,7 +127,8 @@ pub fn load(directory: &Path, preset: &Preset) -> Result<Weights, TrainError> {
         Ok(numbers.iter().map(|b| f32::from_le_bytes(*b)).collect())
     };
     let step = get("step", Dtype::I64, &[1])?;
-    let step = u64::from_le_bytes(step.try_into().expect("one number of 64 bits"));
+    let step = i64::from_le_bytes(step.try_into().expect("one number of 64 bits"));
+    let step = u64::try_from(step).map_err(|_| damaged(format!("step {step}")))?;
     let mut weights = Weights::new(Vec::new());
     weights.step = step;
     for (name, shape) in layout(preset) {

@@ -1,7 +1,7 @@
 //! From a batch to velocities, and from their errors back to a gradient of every weight.
 //!
 //! By hand, layer by layer: through a tensor library with automatic derivatives the same step took
-//! twice as long, most of it in passes over memory between the products.
+//! two thirds longer, most of it in passes over memory between the products.
 
 use crate::batch::Batch;
 use crate::conv::Neighbourhoods;

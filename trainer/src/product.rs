@@ -35,12 +35,16 @@ impl Shape {
         }
     }
 
-    /// Rows must not overlap: several threads write to them.
-    fn has_columns(&self, count: usize) {
+    /// The shape of `count` columns after the first `from`. Rows must not overlap: several threads write to them.
+    fn columns(self, from: usize, count: usize) -> Self {
         assert!(
-            self.column_stride == 1 && count <= self.columns,
+            self.column_stride == 1 && from + count <= self.columns,
             "as many columns"
         );
+        Self {
+            columns: count,
+            ..self
+        }
     }
 
     fn is_within(&self, len: usize) -> bool {
@@ -77,13 +81,9 @@ impl<'a> Matrix<'a> {
     /// # Panics
     /// If it has fewer columns, or is transposed.
     pub fn columns(self, from: usize, count: usize) -> Self {
-        self.shape.has_columns(from + count);
         Self {
+            shape: self.shape.columns(from, count),
             values: &self.values[from..],
-            shape: Shape {
-                columns: count,
-                ..self.shape
-            },
         }
     }
 }
@@ -103,13 +103,9 @@ impl<'a> MatrixMut<'a> {
     /// # Panics
     /// If it has fewer columns.
     pub fn columns(self, from: usize, count: usize) -> Self {
-        self.shape.has_columns(from + count);
         Self {
+            shape: self.shape.columns(from, count),
             values: &mut self.values[from..],
-            shape: Shape {
-                columns: count,
-                ..self.shape
-            },
         }
     }
 
