@@ -1,11 +1,13 @@
 //! Where does each pad first touch when the fingers close, and on what slope?
 
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 use nalgebra::Vector3;
-use shakedown_objects::convex::Polygon;
-use shakedown_objects::penetration::Intruder;
-use shakedown_objects::surface::Lanes;
+use shakedown_objects::surface::{Lanes, Near, bits};
 
 use crate::hand::{HandModel, STRIP_LEFT, STRIP_RIGHT};
+use crate::patch::{self, Patch, extent_in_region};
+use crate::prism::Extent;
 
 /// The rubber of a pad gives by about this much, so contact is a patch of that depth, metres.
 pub const PATCH_DEPTH_M: f32 = 5.0e-4;
@@ -37,8 +39,15 @@ impl Closing {
 pub(crate) struct Sweep {
     lo: f32,
     hi: f32,
-    /// Triangles that may belong to a contact patch, with the smallest and largest x of the whole.
-    candidates: Vec<(f32, f32, [Vector3<f32>; 3])>,
+    /// Triangles that may belong to a contact patch.
+    candidates: Vec<Candidate>,
+}
+
+struct Candidate {
+    /// Smallest and largest x of what is in the region, metres.
+    low: f32,
+    high: f32,
+    triangle: [Vector3<f32>; 3],
 }
 
 impl Sweep {
@@ -59,34 +68,52 @@ impl Sweep {
         self.lo <= self.hi
     }
 
-    /// Adds a triangle; the strips shrink to what could still be a first contact.
-    #[inline]
-    pub(crate) fn add(
-        &mut self,
-        region: &Intruder,
-        triangle: &[Vector3<f32>; 3],
-        lanes: &mut Lanes,
-    ) {
-        let [a, b, c] = triangle.map(|v| v.x);
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        if low > self.lo + PATCH_DEPTH_M && high < self.hi - PATCH_DEPTH_M {
+    /// Adds the triangles near the strips; these shrink to what could still be a first contact.
+    #[inline(always)]
+    pub(crate) fn add<S: Simd>(&mut self, hand: &HandModel, near: &Near<'_, S>, lanes: &mut Lanes) {
+        let strips = near.of_lane(STRIP_LEFT) | near.of_lane(STRIP_RIGHT);
+        let (low, high) = near.extent(0);
+        let strips = strips & self.may_be_first(low, high);
+        if strips == 0 {
             return;
         }
-        // What is outside can only raise the lowest point of what is inside.
-        if low < self.lo || high > self.hi {
-            let Some((lo, hi)) = extent_in_region(region, triangle, low, high) else {
-                return;
-            };
-            if lo < self.lo {
-                self.lo = lo;
-                lanes.set_axis(STRIP_LEFT, 0, region.min.x, lo + PATCH_DEPTH_M);
+        let region = &hand.region_body;
+        let Extent { low, high, unknown } = hand.prism.extent(near.simd(), &near.corners, strips);
+        let (min, max) = (region.min.x, region.max.x);
+        let meets = low.simd_le(high) & low.simd_le(max) & high.simd_ge(min);
+        let (low, high) = (low.max(min), high.min(max));
+        let known = self.may_be_first(low, high) & meets.to_bitmask() as u32;
+        for i in bits(strips & (known | unknown)) {
+            let triangle = near.triangle(i);
+            let (mut low, mut high) = (low.as_array()[i], high.as_array()[i]);
+            if unknown >> i & 1 == 1 {
+                let Some(exact) = extent_in_region(region, &triangle) else {
+                    continue;
+                };
+                (low, high) = exact;
             }
-            if hi > self.hi {
-                self.hi = hi;
-                lanes.set_axis(STRIP_RIGHT, 0, hi - PATCH_DEPTH_M, region.max.x);
+            if low < self.lo {
+                self.lo = low;
+                lanes.set_axis(STRIP_LEFT, 0, region.min.x, low + PATCH_DEPTH_M);
             }
+            if high > self.hi {
+                self.hi = high;
+                lanes.set_axis(STRIP_RIGHT, 0, high - PATCH_DEPTH_M, region.max.x);
+            }
+            self.candidates.push(Candidate {
+                low,
+                high,
+                triangle,
+            });
         }
-        self.candidates.push((low, high, *triangle));
+    }
+
+    /// Bits of those extents along x that could belong to a first contact or its patch.
+    #[inline(always)]
+    fn may_be_first<S: Simd>(&self, low: f32x8<S>, high: f32x8<S>) -> u32 {
+        let left = low.simd_le(self.lo + PATCH_DEPTH_M);
+        let right = high.simd_ge(self.hi - PATCH_DEPTH_M);
+        (left | right).to_bitmask() as u32
     }
 
     /// The contacts, if anything lies between the pads.
@@ -107,94 +134,17 @@ impl Sweep {
     /// Mean slope and height of the surface within [`PATCH_DEPTH_M`] of the contact at `x`,
     /// weighted by area; only what faces the pad counts.
     fn patch(&self, hand: &HandModel, sign: f32, x: f32) -> (f64, f64) {
-        let region = &hand.region_body;
-        let (mut normal, mut area, mut height) = (Vector3::<f32>::zeros(), 0.0f32, 0.0f32);
-        let (mut edge_height, mut edge_count) = (0.0f32, 0.0f32);
-        for (lo, hi, t) in &self.candidates {
-            let (near, far) = if sign > 0.0 { (*hi, *lo) } else { (-*lo, -*hi) };
-            let border = sign * x - PATCH_DEPTH_M;
-            if near < border {
-                continue;
-            }
-            let mut polygon = Piece::triangle(t);
-            if !is_inside(region, t) && !clip_to_region(region, t, &mut polygon) {
-                continue;
-            }
-            if far < border && !polygon.clip_axis(0, -sign, -border) {
-                continue;
-            }
-            for c in polygon.corners() {
-                edge_height += c.z;
-                edge_count += 1.0;
-            }
-            let face = (t[1] - t[0]).cross(&(t[2] - t[0]));
-            if face.x * sign <= 0.0 {
-                continue;
-            }
-            let Some(unit) = face.try_normalize(0.0) else {
-                continue;
-            };
-            let a = polygon.area();
-            normal += unit * a;
-            area += a;
-            height += a * polygon.corners().iter().map(|c| c.z).sum::<f32>()
-                / polygon.corners().len() as f32;
-        }
-        if area > 0.0 && normal.norm() > 0.0 {
-            let along = f64::from(normal.x * sign);
-            let across = f64::from(normal.yz().norm());
-            (across.atan2(along), f64::from(height / area))
-        } else {
+        let border = sign * x - PATCH_DEPTH_M;
+        let members = || {
+            let near = move |c: &&Candidate| (if sign > 0.0 { c.high } else { -c.low }) >= border;
+            self.candidates.iter().filter(near).map(|c| &c.triangle)
+        };
+        let mut patch = Patch::new(hand, sign, border);
+        members().for_each(|t| patch.add(t));
+        patch.slope_and_height().unwrap_or_else(|| {
             // An edge seen from the side: nothing faces the pad.
-            let z = if edge_count > 0.0 {
-                edge_height / edge_count
-            } else {
-                0.0
-            };
-            (std::f64::consts::FRAC_PI_2, f64::from(z))
-        }
+            let z_m = patch::corner_height_m(hand, sign, border, members());
+            (std::f64::consts::FRAC_PI_2, f64::from(z_m))
+        })
     }
-}
-
-/// Smallest and largest x of the part of a triangle inside the region.
-#[inline]
-fn extent_in_region(
-    region: &Intruder,
-    triangle: &[Vector3<f32>; 3],
-    low: f32,
-    high: f32,
-) -> Option<(f32, f32)> {
-    if is_inside(region, triangle) {
-        return Some((low, high));
-    }
-    let mut polygon = Piece::triangle(triangle);
-    if !clip_to_region(region, triangle, &mut polygon) {
-        return None;
-    }
-    let xs = polygon.corners().iter().map(|c| c.x);
-    Some(xs.fold((f32::MAX, f32::MIN), |(lo, hi), x| (lo.min(x), hi.max(x))))
-}
-
-#[inline]
-fn is_inside(region: &Intruder, triangle: &[Vector3<f32>; 3]) -> bool {
-    let [a, b, c] = triangle;
-    let (lo, hi) = (a.inf(b).inf(c), a.sup(b).sup(c));
-    (0..3).all(|k| lo[k] >= region.min[k] && hi[k] <= region.max[k])
-}
-
-/// A triangle cut by the six planes of the region and the one of a contact patch.
-type Piece = Polygon<10>;
-
-/// Cuts `polygon`, which is the triangle, to the region; returns whether anything is left.
-#[inline]
-fn clip_to_region(region: &Intruder, triangle: &[Vector3<f32>; 3], polygon: &mut Piece) -> bool {
-    let [a, b, c] = triangle;
-    let (lo, hi) = (a.inf(b).inf(c), a.sup(b).sup(c));
-    (0..3).all(|axis| {
-        let (min, max) = (region.min[axis], region.max[axis]);
-        lo[axis] <= max
-            && hi[axis] >= min
-            && (hi[axis] <= max || polygon.clip_axis(axis, 1.0, max))
-            && (lo[axis] >= min || polygon.clip_axis(axis, -1.0, -min))
-    })
 }

@@ -6,6 +6,8 @@ use shakedown_objects::ConvexBody;
 use shakedown_objects::penetration::{Intruder, Intruders};
 use shakedown_objects::surface::{LANES, Lanes};
 
+use crate::prism::Prism;
+
 /// Why a hand cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HandError(pub String);
@@ -30,6 +32,7 @@ pub struct HandModel {
     /// Opening, metres.
     pub opening_m: f64,
     pub(crate) region_body: Intruder,
+    pub(crate) prism: Prism,
     /// Bodies behind each lane; the last two lanes are the strips of the closing region.
     pub(crate) members: Vec<Vec<usize>>,
     pub(crate) lanes: Lanes,
@@ -79,6 +82,7 @@ impl HandModel {
             bodies: Intruders::new(bodies),
             region,
             opening_m,
+            prism: Prism::new(region_body.min.yz().into(), region_body.max.yz().into()),
             region_body,
             members,
             lanes,

@@ -6,6 +6,9 @@
 
 pub mod closing;
 pub mod hand;
+mod moments;
+mod patch;
+mod prism;
 pub mod profile;
 pub mod verdict;
 

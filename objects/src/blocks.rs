@@ -4,138 +4,65 @@
 
 use std::ops::ControlFlow;
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x8};
 use nalgebra::{Matrix3, Vector3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, TraversalAction};
-use wide::f32x8;
 
-/// Boxes asked about at once, triangles of a block, children of a node.
-pub const LANES: usize = 8;
+use crate::lanes::{Eight, Hits, LANES, Lanes, Row, bits};
 
-/// Rounding of f32 coordinates below a metre, with room, metres.
-pub(crate) const SLACK_M: f32 = 1.0e-6;
+/// Levels of nodes: enough for 8^10 faces.
+const LEVELS_MAX: usize = 9;
 
-/// Up to eight axis-aligned boxes of one frame.
-#[derive(Debug, Clone, Copy)]
-pub struct Lanes {
-    low: [[f32; 3]; LANES],
-    high: [[f32; 3]; LANES],
-    /// Lanes that are set, as bits.
-    used: u32,
-}
-
-impl Default for Lanes {
-    fn default() -> Self {
-        Self {
-            low: [[f32::MAX; 3]; LANES],
-            high: [[f32::MIN; 3]; LANES],
-            used: 0,
-        }
-    }
-}
-
-impl Lanes {
-    /// Sets one box; a lane never set is never hit.
-    pub fn set(&mut self, lane: usize, min: Vector3<f32>, max: Vector3<f32>) {
-        for axis in 0..3 {
-            self.set_axis(lane, axis, min[axis], max[axis]);
-        }
-        self.used |= 1 << lane;
-    }
-
-    /// Sets the extent of one box along one axis.
-    #[inline]
-    pub fn set_axis(&mut self, lane: usize, axis: usize, min: f32, max: f32) {
-        self.low[lane][axis] = min - SLACK_M;
-        self.high[lane][axis] = max + SLACK_M;
-    }
-}
-
-/// Eight boxes side by side, in the frame of the lanes.
-struct Eight {
-    low: [f32x8; 3],
-    high: [f32x8; 3],
-}
-
-/// Which of eight boxes overlap which lanes.
-struct Hits {
-    /// By lane, bits of the eight.
-    by_lane: [u32; LANES],
-    /// Of the eight that overlap any lane.
-    any: u32,
-}
-
-impl Hits {
-    /// Bits of the lanes among `lanes` that one of the eight overlaps.
-    #[inline]
-    fn lanes_of(&self, one: usize, lanes: u32) -> u32 {
-        let mut mask = 0;
-        for lane in bits(lanes) {
-            mask |= (self.by_lane[lane] >> one & 1) << lane;
-        }
-        mask
-    }
-}
-
-impl Eight {
-    #[inline]
-    fn hits(&self, lanes: &Lanes, among: u32) -> Hits {
-        let mut hits = Hits {
-            by_lane: [0; LANES],
-            any: 0,
-        };
-        for lane in bits(among) {
-            let axis = |a: usize| {
-                self.low[a].simd_le(f32x8::splat(lanes.high[lane][a]))
-                    & self.high[a].simd_ge(f32x8::splat(lanes.low[lane][a]))
-            };
-            hits.by_lane[lane] = (axis(0) & axis(1) & axis(2)).to_bitmask();
-            hits.any |= hits.by_lane[lane];
-        }
-        hits
-    }
-}
-
-/// The numbers of the bits that are set, lowest first.
-#[inline]
-pub fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        (mask != 0).then(|| {
-            let bit = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            bit
-        })
-    })
-}
+/// Points side by side, by axis.
+type Rows = [Row; 3];
 
 /// How the frame of the lanes sees the tree.
-struct View {
-    rotation: [[f32x8; 3]; 3],
-    absolute: [[f32x8; 3]; 3],
-    shift: [f32x8; 3],
+struct View<S: Simd> {
+    simd: S,
+    rotation: [[f32x8<S>; 3]; 3],
+    absolute: [[f32x8<S>; 3]; 3],
+    shift: [f32x8<S>; 3],
 }
 
-impl View {
-    fn new(rotation: &Matrix3<f32>, shift: &Vector3<f32>) -> Self {
-        let splat = |m: &Matrix3<f32>| {
-            std::array::from_fn(|i| std::array::from_fn(|j| f32x8::splat(m[(i, j)])))
+impl<S: Simd> View<S> {
+    #[inline(always)]
+    fn new(simd: S, rotation: &Matrix3<f32>, shift: &Vector3<f32>) -> Self {
+        let zero = f32x8::splat(simd, 0.0);
+        let mut view = Self {
+            simd,
+            rotation: [[zero; 3]; 3],
+            absolute: [[zero; 3]; 3],
+            shift: [zero; 3],
         };
-        Self {
-            rotation: splat(rotation),
-            absolute: splat(&rotation.abs()),
-            shift: std::array::from_fn(|i| f32x8::splat(shift[i])),
+        for i in 0..3 {
+            view.shift[i] = f32x8::splat(simd, shift[i]);
+            for j in 0..3 {
+                view.rotation[i][j] = f32x8::splat(simd, rotation[(i, j)]);
+                view.absolute[i][j] = f32x8::splat(simd, rotation[(i, j)].abs());
+            }
         }
+        view
+    }
+
+    /// `rows` times the columns `p`.
+    #[inline(always)]
+    fn turned(&self, rows: &[[f32x8<S>; 3]; 3], p: &Rows) -> [f32x8<S>; 3] {
+        let x = p[0].load(self.simd);
+        let y = p[1].load(self.simd);
+        let z = p[2].load(self.simd);
+        let [r, s, t] = rows;
+        [
+            x * r[0] + y * r[1] + z * r[2],
+            x * s[0] + y * s[1] + z * s[2],
+            x * t[0] + y * t[1] + z * t[2],
+        ]
     }
 
     #[inline(always)]
-    fn turned(rows: &[[f32x8; 3]; 3], [x, y, z]: &[f32x8; 3]) -> [f32x8; 3] {
-        let row = |k: usize| *x * rows[k][0] + *y * rows[k][1] + *z * rows[k][2];
-        [row(0), row(1), row(2)]
-    }
-
-    #[inline(always)]
-    fn point(&self, p: &[f32x8; 3]) -> [f32x8; 3] {
-        let [x, y, z] = Self::turned(&self.rotation, p);
+    fn point(&self, p: &Rows) -> [f32x8<S>; 3] {
+        let [x, y, z] = self.turned(&self.rotation, p);
         [x + self.shift[0], y + self.shift[1], z + self.shift[2]]
     }
 }
@@ -143,17 +70,14 @@ impl View {
 /// Boxes of up to eight children, object frame; a missing child has a box that nothing meets.
 #[derive(Debug, Clone)]
 struct Node {
-    centre: [f32x8; 3],
-    half: [f32x8; 3],
+    centre: Rows,
+    half: Rows,
 }
 
 impl Node {
     fn new(children: &[Aabb]) -> Self {
-        let of = |f: &dyn Fn(&Aabb) -> f32, none: f32| {
-            f32x8::from(std::array::from_fn::<f32, LANES, _>(|i| {
-                children.get(i).map_or(none, f)
-            }))
-        };
+        let of =
+            |f: &dyn Fn(&Aabb) -> f32, none: f32| Row::new(|i| children.get(i).map_or(none, f));
         let centre = |a: usize| of(&|b| (b.mins[a] + b.maxs[a]) * 0.5, 0.0);
         let half = |a: usize| of(&|b| (b.maxs[a] - b.mins[a]) * 0.5, -1.0e9);
         Self {
@@ -162,10 +86,10 @@ impl Node {
         }
     }
 
-    #[inline]
-    fn seen(&self, view: &View) -> Eight {
+    #[inline(always)]
+    fn seen<S: Simd>(&self, view: &View<S>) -> Eight<S> {
         let c = view.point(&self.centre);
-        let h = View::turned(&view.absolute, &self.half);
+        let h = view.turned(&view.absolute, &self.half);
         Eight {
             low: [c[0] - h[0], c[1] - h[1], c[2] - h[2]],
             high: [c[0] + h[0], c[1] + h[1], c[2] + h[2]],
@@ -177,9 +101,78 @@ impl Node {
 #[derive(Debug, Clone)]
 struct Block {
     /// `corners[k][axis]` of all triangles; unused places repeat the last triangle.
-    corners: [[f32x8; 3]; 3],
+    corners: [Rows; 3],
     faces: [u32; LANES],
     len: usize,
+}
+
+/// Up to eight neighbouring triangles of which some are near a lane, in the frame of the lanes.
+pub struct Near<'a, S: Simd> {
+    /// Corners of all eight side by side, `corners[k][axis]`, metres; what is not [`Near::any`] is
+    /// any triangle.
+    pub corners: [[f32x8<S>; 3]; 3],
+    boxes: Eight<S>,
+    hits: Hits,
+    any: u32,
+    among: u32,
+    faces: &'a [u32; LANES],
+}
+
+impl<S: Simd> Near<'_, S> {
+    /// What the machine can do.
+    #[inline(always)]
+    pub fn simd(&self) -> S {
+        self.boxes.low[0].simd
+    }
+
+    /// Bits of the triangles whose boxes overlap at least one lane.
+    #[inline(always)]
+    pub fn any(&self) -> u32 {
+        self.any
+    }
+
+    /// Bits of those whose boxes overlap `lane`.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> u32 {
+        self.hits.by_lane[lane] & self.any
+    }
+
+    /// Bits of the lanes that the box of triangle `i` overlaps.
+    #[inline(always)]
+    pub fn lanes_of(&self, i: usize) -> u32 {
+        self.hits.lanes_of(i, self.among)
+    }
+
+    /// Number of face `i` in the mesh.
+    #[inline(always)]
+    pub fn face(&self, i: usize) -> usize {
+        self.faces[i] as usize
+    }
+
+    /// Corners of triangle `i`, metres.
+    #[inline(always)]
+    pub fn triangle(&self, i: usize) -> [Vector3<f32>; 3] {
+        let mut triangle = [Vector3::zeros(); 3];
+        for (corner, all) in triangle.iter_mut().zip(&self.corners) {
+            for (x, all) in corner.iter_mut().zip(all) {
+                *x = all.as_array()[i];
+            }
+        }
+        triangle
+    }
+
+    /// Smallest and largest coordinate of each triangle along `axis`, metres.
+    #[inline(always)]
+    pub fn extent(&self, axis: usize) -> (f32x8<S>, f32x8<S>) {
+        (self.boxes.low[axis], self.boxes.high[axis])
+    }
+}
+
+/// Looks at triangles near the lanes, eight at a time.
+pub trait Visitor {
+    /// Called for every block of which at least one triangle is near a lane, until it breaks. What
+    /// is to be compiled for the machine's widest registers must be `inline(always)`.
+    fn visit<S: Simd>(&mut self, lanes: &mut Lanes, near: &Near<'_, S>) -> ControlFlow<()>;
 }
 
 /// The tree; coordinates are relative to an origin that its owner knows.
@@ -213,6 +206,7 @@ impl BlockTree {
         loop {
             levels.push(bounds.chunks(LANES).map(Node::new).collect());
             if bounds.len() <= LANES {
+                assert!(levels.len() <= LEVELS_MAX, "a mesh of a billion faces");
                 return Self { blocks, levels };
             }
             bounds = bounds.chunks(LANES).map(|c| union(c.iter())).collect();
@@ -220,39 +214,45 @@ impl BlockTree {
     }
 
     /// See [`crate::Surface::visit_near`].
-    #[inline]
     pub(crate) fn visit_near(
         &self,
         rotation: &Matrix3<f32>,
         shift: &Vector3<f32>,
         lanes: &mut Lanes,
-        visit: &mut impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
+        visitor: &mut impl Visitor,
     ) {
-        let view = View::new(rotation, shift);
-        let among = lanes.used;
-        let _ = self.descend(&view, self.levels.len() - 1, 0, among, lanes, visit);
+        dispatch!(Level::new(), simd => self.walk(&View::new(simd, rotation, shift), lanes, visitor));
     }
 
-    fn descend(
-        &self,
-        view: &View,
-        level: usize,
-        node: usize,
-        among: u32,
-        lanes: &mut Lanes,
-        visit: &mut impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        let hits = self.levels[level][node].seen(view).hits(lanes, among);
-        for child in bits(hits.any) {
-            let among = hits.lanes_of(child, among);
-            let child = LANES * node + child;
-            if level > 0 {
-                self.descend(view, level - 1, child, among, lanes, visit)?;
+    #[inline(always)]
+    fn walk<S: Simd>(&self, view: &View<S>, lanes: &mut Lanes, visitor: &mut impl Visitor) {
+        // At most seven wait on each level.
+        let mut waiting = [(0, 0, 0u32); LANES * LEVELS_MAX];
+        waiting[0] = (self.levels.len() - 1, 0, lanes.used);
+        let mut len = 1;
+        while len > 0 {
+            len -= 1;
+            let (level, node, among) = waiting[len];
+            let hits = self.levels[level][node].seen(view).hits(lanes, among);
+            if level == 0 {
+                for child in bits(hits.any) {
+                    let block = &self.blocks[LANES * node + child];
+                    let among = hits.lanes_of(child, among);
+                    if block.visit(view, among, lanes, visitor).is_break() {
+                        return;
+                    }
+                }
             } else {
-                self.blocks[child].visit(view, among, lanes, visit)?;
+                // The last one first, so that the first is taken next.
+                let mut left = hits.any;
+                while left != 0 {
+                    let child = left.ilog2() as usize;
+                    left ^= 1 << child;
+                    waiting[len] = (level - 1, LANES * node + child, hits.lanes_of(child, among));
+                    len += 1;
+                }
             }
         }
-        ControlFlow::Continue(())
     }
 }
 
@@ -261,46 +261,51 @@ impl Block {
         let face = |lane: usize| group[lane.min(group.len() - 1)];
         Self {
             corners: std::array::from_fn(|k| {
-                std::array::from_fn(|axis| {
-                    f32x8::from(std::array::from_fn::<f32, LANES, _>(|lane| {
-                        corners[face(lane) as usize][k][axis]
-                    }))
-                })
+                std::array::from_fn(|axis| Row::new(|lane| corners[face(lane) as usize][k][axis]))
             }),
             faces: std::array::from_fn(face),
             len: group.len(),
         }
     }
 
-    /// Turns the triangles into the frame of the lanes and visits those near one.
-    #[inline]
-    fn visit(
+    /// Turns the triangles into the frame of the lanes and visits them if any is near one.
+    #[inline(always)]
+    fn visit<S: Simd>(
         &self,
-        view: &View,
+        view: &View<S>,
         among: u32,
         lanes: &mut Lanes,
-        visit: &mut impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
+        visitor: &mut impl Visitor,
     ) -> ControlFlow<()> {
         let [a, b, c] = &self.corners;
-        let (a, b, c) = (view.point(a), view.point(b), view.point(c));
-        let low = |i: usize| a[i].fast_min(b[i]).fast_min(c[i]);
-        let high = |i: usize| a[i].fast_max(b[i]).fast_max(c[i]);
-        let eight = Eight {
-            low: [low(0), low(1), low(2)],
-            high: [high(0), high(1), high(2)],
+        let corners = [view.point(a), view.point(b), view.point(c)];
+        let [a, b, c] = &corners;
+        let boxes = Eight {
+            low: [
+                a[0].min(b[0]).min(c[0]),
+                a[1].min(b[1]).min(c[1]),
+                a[2].min(b[2]).min(c[2]),
+            ],
+            high: [
+                a[0].max(b[0]).max(c[0]),
+                a[1].max(b[1]).max(c[1]),
+                a[2].max(b[2]).max(c[2]),
+            ],
         };
-        let hits = eight.hits(lanes, among);
+        let hits = boxes.hits(lanes, among);
         let any = hits.any & ((1 << self.len) - 1);
         if any == 0 {
             return ControlFlow::Continue(());
         }
-        let corners = [a, b, c].map(|corner| corner.map(f32x8::to_array));
-        for i in bits(any) {
-            let triangle = corners.map(|c| Vector3::new(c[0][i], c[1][i], c[2][i]));
-            let mask = hits.lanes_of(i, among);
-            visit(lanes, self.faces[i] as usize, triangle, mask)?;
-        }
-        ControlFlow::Continue(())
+        let near = Near {
+            corners,
+            boxes,
+            hits,
+            any,
+            among,
+            faces: &self.faces,
+        };
+        visitor.visit(lanes, &near)
     }
 }
 

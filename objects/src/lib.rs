@@ -9,6 +9,7 @@ pub(crate) mod blocks;
 pub mod convex;
 pub mod error;
 pub mod io;
+mod lanes;
 pub mod mass;
 pub mod mesh;
 pub mod normalised_sdf;

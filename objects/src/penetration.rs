@@ -2,13 +2,15 @@
 
 use std::ops::ControlFlow;
 
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 use nalgebra::{Isometry3, Vector3};
-use wide::f32x8;
 
 use crate::convex::{ConvexBody, MAX_PLANES, Polygon};
-use crate::surface::{LANES, Lanes, Surface};
+use crate::lanes::{LANES, Lanes, Row, SLACK_M, bits};
+use crate::surface::{Near, Surface, Visitor};
 
-const GROUPS: usize = MAX_PLANES.div_ceil(8);
+const GROUPS: usize = MAX_PLANES.div_ceil(LANES);
 
 /// Depth of the object's surface inside one body, seen from each of its planes.
 ///
@@ -17,14 +19,14 @@ const GROUPS: usize = MAX_PLANES.div_ceil(8);
 #[derive(Debug, Clone, Copy)]
 pub struct Depth {
     /// Least distance beyond each plane; negative is inside.
-    deepest: [f32x8; GROUPS],
+    deepest: [Row; GROUPS],
     touched: bool,
 }
 
 impl Default for Depth {
     fn default() -> Self {
         Self {
-            deepest: [f32x8::ZERO; GROUPS],
+            deepest: [Row([0.0; LANES]); GROUPS],
             touched: false,
         }
     }
@@ -37,54 +39,44 @@ impl Depth {
     }
 
     /// Adds a triangle of the surface, in the frame of the body.
-    #[inline]
-    pub fn add(&mut self, body: &Intruder, triangle: &[Vector3<f32>; 3]) {
+    #[inline(always)]
+    pub fn add<S: Simd>(&mut self, simd: S, body: &Intruder, triangle: &[Vector3<f32>; 3]) {
         let mut cutting = 0u64;
-        let mut nearest = [f32x8::ZERO; GROUPS];
+        let [a, b, c] = triangle;
         for (i, planes) in body.groups.iter().enumerate() {
-            let [a, b, c] = [0, 1, 2].map(|k| planes.distances(&triangle[k]));
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            let a = planes.distances(simd, a);
+            let b = planes.distances(simd, b);
+            let c = planes.distances(simd, c);
             // Most triangles near a body lie wholly beyond one of its planes.
-            if low.simd_gt(f32x8::ZERO).any() {
+            if a.min(b).min(c).simd_gt(0.0).any_true() {
                 return;
             }
-            cutting |= u64::from(high.simd_gt(f32x8::ZERO).to_bitmask() as u8) << (8 * i);
-            nearest[i] = low;
+            cutting |= a.max(b).max(c).simd_gt(0.0).to_bitmask() << (LANES * i);
         }
         if cutting == 0 {
-            self.touched = true;
-            for (deepest, low) in self.deepest.iter_mut().zip(&nearest[..body.groups.len()]) {
-                *deepest = deepest.min(*low);
+            self.deepen(simd, body, triangle);
+        } else if body.is_beside(simd, triangle) {
+            // No part of it is inside.
+        } else if cutting.count_ones() <= 9 {
+            // Few planes cut a triangle; the small polygon is much cheaper to set up.
+            if let Some(polygon) = body.cut::<12>(triangle, cutting) {
+                self.deepen(simd, body, polygon.corners());
             }
-            return;
-        }
-        // Few planes cut a triangle; the small polygon is much cheaper to set up.
-        if cutting.count_ones() <= 9 {
-            self.add_clipped::<12>(body, triangle, cutting);
-        } else {
-            self.add_clipped::<{ MAX_PLANES + 3 }>(body, triangle, cutting);
+        } else if let Some(polygon) = body.cut::<{ MAX_PLANES + 3 }>(triangle, cutting) {
+            self.deepen(simd, body, polygon.corners());
         }
     }
 
-    fn add_clipped<const N: usize>(
-        &mut self,
-        body: &Intruder,
-        triangle: &[Vector3<f32>; 3],
-        mut cutting: u64,
-    ) {
-        let mut polygon = Polygon::<N>::triangle(triangle);
-        while cutting != 0 {
-            let (normal, offset) = &body.planes[cutting.trailing_zeros() as usize];
-            if !polygon.clip(normal, *offset) {
-                return;
-            }
-            cutting &= cutting - 1;
-        }
+    /// Takes in points inside the body.
+    #[inline(always)]
+    fn deepen<S: Simd>(&mut self, simd: S, body: &Intruder, points: &[Vector3<f32>]) {
         self.touched = true;
         for (deepest, planes) in self.deepest.iter_mut().zip(&body.groups) {
-            for corner in polygon.corners() {
-                *deepest = deepest.min(planes.distances(corner));
+            let mut least = deepest.load(simd);
+            for point in points {
+                least = least.min(planes.distances(simd, point));
             }
+            least.store_array(&mut deepest.0);
         }
     }
 
@@ -93,9 +85,7 @@ impl Depth {
         if !self.touched {
             return 0.0;
         }
-        let lanes = self.deepest[..body.groups.len()]
-            .iter()
-            .flat_map(|d| d.to_array());
+        let lanes = self.deepest[..body.groups.len()].iter().flat_map(|d| d.0);
         lanes
             .take(body.planes.len())
             .fold(f32::MAX, |least, d| least.min(-d))
@@ -105,16 +95,16 @@ impl Depth {
 /// Eight planes side by side.
 #[derive(Debug, Clone, Copy)]
 struct Planes {
-    normal: [f32x8; 3],
-    offset: f32x8,
+    normal: [Row; 3],
+    offset: Row,
 }
 
 impl Planes {
     /// Signed distances of a point from the planes, metres, positive beyond them.
-    #[inline]
-    fn distances(&self, p: &Vector3<f32>) -> f32x8 {
-        let [x, y, z] = self.normal;
-        x * f32x8::splat(p.x) + y * f32x8::splat(p.y) + z * f32x8::splat(p.z) - self.offset
+    #[inline(always)]
+    fn distances<S: Simd>(&self, simd: S, p: &Vector3<f32>) -> f32x8<S> {
+        let [x, y, z] = &self.normal;
+        x.load(simd) * p.x + y.load(simd) * p.y + z.load(simd) * p.z - self.offset.load(simd)
     }
 }
 
@@ -131,6 +121,8 @@ pub struct Intruder {
     pub planes: Vec<(Vector3<f32>, f32)>,
     /// The same planes in groups; the last group is filled up with planes far away.
     groups: Vec<Planes>,
+    /// The corners in groups, side by side; the last group repeats the last corner.
+    corners: Vec<[Row; 3]>,
 }
 
 impl Intruder {
@@ -143,25 +135,68 @@ impl Intruder {
             .map(|(n, d)| (n.map(|x| x as f32), *d as f32))
             .collect();
         let groups = planes
-            .chunks(8)
+            .chunks(LANES)
             .map(|chunk| {
                 let far = (Vector3::zeros(), 1.0e9);
                 let plane = |i: usize| chunk.get(i).copied().unwrap_or(far);
-                let axis =
-                    |a: usize| f32x8::from(std::array::from_fn::<f32, 8, _>(|i| plane(i).0[a]));
                 Planes {
-                    normal: [axis(0), axis(1), axis(2)],
-                    offset: f32x8::from(std::array::from_fn::<f32, 8, _>(|i| plane(i).1)),
+                    normal: [0, 1, 2].map(|axis| Row::new(|i| plane(i).0[axis])),
+                    offset: Row::new(|i| plane(i).1),
                 }
             })
             .collect();
+        let corners = body
+            .vertices
+            .chunks(LANES)
+            .map(|chunk| {
+                let corner = |i: usize| chunk[i.min(chunk.len() - 1)];
+                [0, 1, 2].map(|axis| Row::new(|i| corner(i)[axis] as f32))
+            })
+            .collect();
         Self {
+            corners,
             min: min.coords.map(|x| x as f32),
             max: max.coords.map(|x| x as f32),
             body,
             planes,
             groups,
         }
+    }
+}
+
+impl Intruder {
+    /// Does the plane of the triangle clearly pass by the body?
+    #[inline(always)]
+    fn is_beside<S: Simd>(&self, simd: S, [a, b, c]: &[Vector3<f32>; 3]) -> bool {
+        let normal = (b - a).cross(&(c - a));
+        let slack = SLACK_M * normal.abs().sum();
+        let offset = normal.dot(a);
+        let (mut above, mut below) = (true, true);
+        for [x, y, z] in &self.corners {
+            let height = x.load(simd) * normal.x + y.load(simd) * normal.y;
+            let height = height + z.load(simd) * normal.z - offset;
+            above &= height.simd_gt(slack).all_true();
+            below &= height.simd_lt(-slack).all_true();
+        }
+        above || below
+    }
+
+    /// What of the triangle is inside the body, which only the planes in `cutting` cut.
+    fn cut<const N: usize>(
+        &self,
+        triangle: &[Vector3<f32>; 3],
+        cutting: u64,
+    ) -> Option<Polygon<N>> {
+        let mut polygon = Polygon::<N>::triangle(triangle);
+        let mut left = cutting;
+        while left != 0 {
+            let (normal, offset) = &self.planes[left.trailing_zeros() as usize];
+            if !polygon.clip(normal, *offset) {
+                return None;
+            }
+            left &= left - 1;
+        }
+        Some(polygon)
     }
 }
 
@@ -216,6 +251,24 @@ fn hang_together(bodies: &[Intruder]) -> bool {
     reached.len() == bodies.len()
 }
 
+/// Bodies held against a surface, each in the lane of its number.
+struct Depths<'a> {
+    group: &'a [Intruder],
+    depths: [Depth; LANES],
+}
+
+impl Visitor for Depths<'_> {
+    #[inline(always)]
+    fn visit<S: Simd>(&mut self, _: &mut Lanes, near: &Near<'_, S>) -> ControlFlow<()> {
+        for (lane, body) in self.group.iter().enumerate() {
+            for i in bits(near.of_lane(lane)) {
+                self.depths[lane].add(near.simd(), body, &near.triangle(i));
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
 /// How deep the object reaches into the worst part of a hand at `object_from_frame`, metres, or
 /// `None` if it meets none of them. A part wholly inside the object counts with the distance of
 /// its centre from the surface.
@@ -233,16 +286,12 @@ pub fn penetration_m(
         for (lane, body) in group.iter().enumerate() {
             lanes.set(lane, body.min, body.max);
         }
-        let mut depths = [Depth::default(); LANES];
-        surface.visit_near(&frame_from_object, &mut lanes, |_, _, triangle, mask| {
-            for (lane, body) in group.iter().enumerate() {
-                if mask >> lane & 1 == 1 {
-                    depths[lane].add(body, &triangle);
-                }
-            }
-            ControlFlow::Continue(())
-        });
-        for (depth, body) in depths.iter().zip(group) {
+        let mut depths = Depths {
+            group,
+            depths: [Depth::default(); LANES],
+        };
+        surface.visit_blocks(&frame_from_object, &mut lanes, &mut depths);
+        for (depth, body) in depths.depths.iter().zip(group) {
             if depth.touched() {
                 worst = deeper(worst, f64::from(depth.depth_m(body)));
             } else {

@@ -6,16 +6,19 @@
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
+use fearless_simd::Simd;
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector as Vec3f;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, BvhLeafCost, TraversalAction};
 
-use crate::blocks::{BlockTree, SLACK_M};
+use crate::blocks::BlockTree;
+use crate::lanes::SLACK_M;
 use crate::mesh::TriMesh;
 use crate::triangle::{Feature, cast_ray, closest_point};
 
-pub use crate::blocks::{LANES, Lanes, bits};
+pub use crate::blocks::{Near, Visitor};
+pub use crate::lanes::{LANES, Lanes, bits};
 
 /// A mesh with what is needed to ask it questions fast.
 #[derive(Debug, Clone)]
@@ -96,22 +99,46 @@ impl Surface {
     }
 
     /// Calls `visit(lanes, face, corners in the frame of the boxes, mask)` for every triangle whose
-    /// box overlaps at least one lane, until it breaks.
-    ///
-    /// `frame_from_object` maps the object into the frame of the boxes. `visit` may shrink the
-    /// lanes while it runs; what it no longer needs is then skipped. Conservative: a reported
-    /// triangle may still miss the box, a triangle that touches it is always reported.
+    /// box overlaps at least one lane, until it breaks; see [`Surface::visit_blocks`].
     #[inline]
     pub fn visit_near(
         &self,
         frame_from_object: &Isometry3<f64>,
         lanes: &mut Lanes,
-        mut visit: impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
+        visit: impl FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
+    ) {
+        struct Each<F>(F);
+        impl<F> Visitor for Each<F>
+        where
+            F: FnMut(&mut Lanes, usize, [Vector3<f32>; 3], u32) -> ControlFlow<()>,
+        {
+            #[inline(always)]
+            fn visit<S: Simd>(&mut self, lanes: &mut Lanes, near: &Near<'_, S>) -> ControlFlow<()> {
+                for i in bits(near.any()) {
+                    self.0(lanes, near.face(i), near.triangle(i), near.lanes_of(i))?;
+                }
+                ControlFlow::Continue(())
+            }
+        }
+        self.visit_blocks(frame_from_object, lanes, &mut Each(visit));
+    }
+
+    /// Shows `visitor` every block of triangles of which at least one has a box that overlaps a
+    /// lane, until it breaks.
+    ///
+    /// `frame_from_object` maps the object into the frame of the boxes. The visitor may shrink the
+    /// lanes meanwhile; what it no longer needs is then skipped. Conservative: a reported
+    /// triangle may still miss the box, a triangle that touches it is always reported.
+    pub fn visit_blocks(
+        &self,
+        frame_from_object: &Isometry3<f64>,
+        lanes: &mut Lanes,
+        visitor: &mut impl Visitor,
     ) {
         let rotation = frame_from_object.rotation.to_rotation_matrix();
         let rotation = rotation.matrix().map(|x| x as f32);
         let shift = (frame_from_object * self.origin).coords.map(|x| x as f32);
-        self.blocks.visit_near(&rotation, &shift, lanes, &mut visit);
+        self.blocks.visit_near(&rotation, &shift, lanes, visitor);
     }
 
     /// Nearest face, the point on it and the feature that point lies on.
