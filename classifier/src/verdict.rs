@@ -11,7 +11,7 @@ use shakedown_objects::penetration::{Depth, inside_m};
 use shakedown_objects::surface::{Lanes, Near, Visitor, bits};
 
 use crate::closing::{Closing, Sweep};
-use crate::hand::HandModel;
+use crate::hand::{HandModel, STRIP_LEFT};
 
 /// When a flag is set; `docs/formats.md` defines the flags.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -121,11 +121,14 @@ impl Visitor for Held<'_> {
     #[inline(always)]
     fn visit<S: Simd>(&mut self, lanes: &mut Lanes, near: &Near<'_, S>) -> ControlFlow<()> {
         let bodies = self.hand.bodies.bodies();
-        for (lane, members) in self.hand.members.iter().enumerate() {
-            for i in bits(near.of_lane(lane)) {
-                let triangle = near.triangle(i);
-                for &body in members {
-                    self.scratch.depths[body].add(near.simd(), &bodies[body], &triangle);
+        // Most blocks are near the strips alone.
+        if near.meets_first(STRIP_LEFT) {
+            for (lane, members) in self.hand.members.iter().enumerate() {
+                for i in bits(near.of_lane(lane)) {
+                    let triangle = near.triangle(i);
+                    for &body in members {
+                        self.scratch.depths[body].add(near.simd(), &bodies[body], &triangle);
+                    }
                 }
             }
         }
@@ -146,8 +149,8 @@ pub fn classify(
 ) -> Verdict {
     SCRATCH.with_borrow_mut(|scratch| {
         let bodies = hand.bodies.bodies();
-        scratch.depths.clear();
         scratch.depths.resize(bodies.len(), Depth::default());
+        scratch.depths.iter_mut().for_each(Depth::clear);
         scratch.sweep.clear();
         let hand_from_object = object_from_hand.inverse();
         let mut lanes = hand.lanes;

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy, TraversalAction};
 
-use crate::lanes::{Eight, Hits, LANES, Lanes, Row, bits};
+use crate::lanes::{Eight, Hits, LANES, Lanes, LanesOf, Row, bits};
 
 /// Levels of nodes: enough for 8^10 faces.
 const LEVELS_MAX: usize = 9;
@@ -113,8 +113,8 @@ pub struct Near<'a, S: Simd> {
     pub corners: [[f32x8<S>; 3]; 3],
     boxes: Eight<S>,
     hits: Hits,
+    lanes: LanesOf,
     any: u32,
-    among: u32,
     faces: &'a [u32; LANES],
 }
 
@@ -134,13 +134,19 @@ impl<S: Simd> Near<'_, S> {
     /// Bits of those whose boxes overlap `lane`.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> u32 {
-        self.hits.by_lane[lane] & self.any
+        self.hits.of_lane(lane) & self.any
     }
 
     /// Bits of the lanes that the box of triangle `i` overlaps.
     #[inline(always)]
     pub fn lanes_of(&self, i: usize) -> u32 {
-        self.hits.lanes_of(i, self.among)
+        self.lanes.get(i)
+    }
+
+    /// Does any of the eight overlap one of the first `n` lanes, `n` below [`LANES`]?
+    #[inline(always)]
+    pub fn meets_first(&self, n: usize) -> bool {
+        self.hits.meets_first(n)
     }
 
     /// Number of face `i` in the mesh.
@@ -234,10 +240,11 @@ impl BlockTree {
             len -= 1;
             let (level, node, among) = waiting[len];
             let hits = self.levels[level][node].seen(view).hits(lanes, among);
+            let lanes_of = hits.lanes();
             if level == 0 {
                 for child in bits(hits.any) {
                     let block = &self.blocks[LANES * node + child];
-                    let among = hits.lanes_of(child, among);
+                    let among = lanes_of.get(child);
                     if block.visit(view, among, lanes, visitor).is_break() {
                         return;
                     }
@@ -248,7 +255,7 @@ impl BlockTree {
                 while left != 0 {
                     let child = left.ilog2() as usize;
                     left ^= 1 << child;
-                    waiting[len] = (level - 1, LANES * node + child, hits.lanes_of(child, among));
+                    waiting[len] = (level - 1, LANES * node + child, lanes_of.get(child));
                     len += 1;
                 }
             }
@@ -300,9 +307,9 @@ impl Block {
         let near = Near {
             corners,
             boxes,
+            lanes: hits.lanes(),
             hits,
             any,
-            among,
             faces: &self.faces,
         };
         visitor.visit(lanes, &near)

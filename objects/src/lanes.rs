@@ -69,39 +69,69 @@ pub(crate) struct Eight<S: Simd> {
 }
 
 /// Which of eight boxes overlap which lanes.
+#[derive(Clone, Copy)]
 pub(crate) struct Hits {
-    /// By lane, bits of the eight.
-    pub(crate) by_lane: [u32; LANES],
+    /// Bits of the eight, a byte a lane.
+    by_lane: u64,
     /// Of the eight that overlap any lane.
     pub(crate) any: u32,
 }
 
 impl Hits {
-    /// Bits of the lanes among `lanes` that one of the eight overlaps.
+    /// Bits of the eight that overlap `lane`.
     #[inline(always)]
-    pub(crate) fn lanes_of(&self, one: usize, lanes: u32) -> u32 {
-        let mut mask = 0;
-        for lane in bits(lanes) {
-            mask |= (self.by_lane[lane] >> one & 1) << lane;
+    pub(crate) fn of_lane(&self, lane: usize) -> u32 {
+        (self.by_lane >> (LANES * lane)) as u32 & 0xff
+    }
+
+    /// Does any of the eight overlap one of the first `n` lanes?
+    #[inline(always)]
+    pub(crate) fn meets_first(&self, n: usize) -> bool {
+        self.by_lane & ((1 << (LANES * n)) - 1) != 0
+    }
+
+    /// Bits of the lanes, a byte each of the eight.
+    #[inline(always)]
+    pub(crate) fn lanes(&self) -> LanesOf {
+        // H. S. Warren, "Hacker's Delight", 2nd ed. 2012, section 7-3: squares of 1, 2 and 4 bits
+        // change places across the diagonal.
+        let mut x = self.by_lane;
+        for (shift, mask) in [
+            (7, 0x00aa_00aa_00aa_00aa_u64),
+            (14, 0x0000_cccc_0000_cccc),
+            (28, 0x0000_0000_f0f0_f0f0),
+        ] {
+            let t = (x ^ (x >> shift)) & mask;
+            x ^= t ^ (t << shift);
         }
-        mask
+        LanesOf(x)
+    }
+}
+
+/// The lanes that each of eight boxes overlaps.
+#[derive(Clone, Copy)]
+pub(crate) struct LanesOf(u64);
+
+impl LanesOf {
+    /// Bits of the lanes that one of them overlaps.
+    #[inline(always)]
+    pub(crate) fn get(self, one: usize) -> u32 {
+        (self.0 >> (LANES * one)) as u32 & 0xff
     }
 }
 
 impl<S: Simd> Eight<S> {
     #[inline(always)]
     pub(crate) fn hits(&self, lanes: &Lanes, among: u32) -> Hits {
-        let mut hits = Hits {
-            by_lane: [0; LANES],
-            any: 0,
-        };
+        let mut hits = Hits { by_lane: 0, any: 0 };
         for lane in bits(among) {
             let (low, high) = (&lanes.low[lane], &lanes.high[lane]);
             let x = self.low[0].simd_le(high[0]) & self.high[0].simd_ge(low[0]);
             let y = self.low[1].simd_le(high[1]) & self.high[1].simd_ge(low[1]);
             let z = self.low[2].simd_le(high[2]) & self.high[2].simd_ge(low[2]);
-            hits.by_lane[lane] = (x & y & z).to_bitmask() as u32;
-            hits.any |= hits.by_lane[lane];
+            let mask = (x & y & z).to_bitmask();
+            hits.by_lane |= mask << (LANES * lane);
+            hits.any |= mask as u32;
         }
         hits
     }
@@ -117,4 +147,23 @@ pub fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
             bit
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lanes_of_a_box_are_those_that_it_is_a_box_of() {
+        let by_lane = 0x8001_37ff_00a5_c312;
+        let hits = Hits { by_lane, any: 0xff };
+        for one in 0..LANES {
+            for lane in 0..LANES {
+                assert_eq!(
+                    hits.lanes().get(one) >> lane & 1,
+                    hits.of_lane(lane) >> one & 1
+                );
+            }
+        }
+    }
 }

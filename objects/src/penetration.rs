@@ -18,7 +18,7 @@ const GROUPS: usize = MAX_PLANES.div_ceil(LANES);
 /// surface found inside out of it.
 #[derive(Debug, Clone, Copy)]
 pub struct Depth {
-    /// Least distance beyond each plane; negative is inside.
+    /// Least distance beyond each plane, negative is inside; means something once touched.
     deepest: [Row; GROUPS],
     touched: bool,
 }
@@ -33,6 +33,11 @@ impl Default for Depth {
 }
 
 impl Depth {
+    /// As new.
+    pub fn clear(&mut self) {
+        self.touched = false;
+    }
+
     /// Was any surface found inside the body?
     pub fn touched(&self) -> bool {
         self.touched
@@ -70,14 +75,18 @@ impl Depth {
     /// Takes in points inside the body.
     #[inline(always)]
     fn deepen<S: Simd>(&mut self, simd: S, body: &Intruder, points: &[Vector3<f32>]) {
-        self.touched = true;
         for (deepest, planes) in self.deepest.iter_mut().zip(&body.groups) {
-            let mut least = deepest.load(simd);
+            let mut least = if self.touched {
+                deepest.load(simd)
+            } else {
+                f32x8::splat(simd, 0.0)
+            };
             for point in points {
                 least = least.min(planes.distances(simd, point));
             }
             least.store_array(&mut deepest.0);
         }
+        self.touched = true;
     }
 
     /// The depth, metres; 0 if nothing was found inside.
@@ -165,20 +174,30 @@ impl Intruder {
 }
 
 impl Intruder {
-    /// Does the plane of the triangle clearly pass by the body?
+    /// Does the body clearly lie on one side of the triangle's plane, or wholly beyond one of its
+    /// edges?
     #[inline(always)]
     fn is_beside<S: Simd>(&self, simd: S, [a, b, c]: &[Vector3<f32>; 3]) -> bool {
         let normal = (b - a).cross(&(c - a));
-        let slack = SLACK_M * normal.abs().sum();
-        let offset = normal.dot(a);
-        let (mut above, mut below) = (true, true);
+        self.is_beyond(simd, &normal, a)
+            || self.is_beyond(simd, &-normal, a)
+            || self.is_beyond(simd, &(b - a).cross(&normal), a)
+            || self.is_beyond(simd, &(c - b).cross(&normal), b)
+            || self.is_beyond(simd, &(a - c).cross(&normal), c)
+    }
+
+    /// Do all corners clearly lie further along `direction` than `point`?
+    #[inline(always)]
+    fn is_beyond<S: Simd>(&self, simd: S, direction: &Vector3<f32>, point: &Vector3<f32>) -> bool {
+        let least = direction.dot(point) + SLACK_M * direction.abs().sum();
         for [x, y, z] in &self.corners {
-            let height = x.load(simd) * normal.x + y.load(simd) * normal.y;
-            let height = height + z.load(simd) * normal.z - offset;
-            above &= height.simd_gt(slack).all_true();
-            below &= height.simd_lt(-slack).all_true();
+            let along = x.load(simd) * direction.x + y.load(simd) * direction.y;
+            let along = along + z.load(simd) * direction.z;
+            if !along.simd_gt(least).all_true() {
+                return false;
+            }
         }
-        above || below
+        true
     }
 
     /// What of the triangle is inside the body, which only the planes in `cutting` cut.
