@@ -140,12 +140,11 @@ mod tests {
             let (mut area_m2, mut moment_m3) = (0.0, 0.0);
             let cut = clipped(&t).and_then(|mut p| p.clip_axis(0, -sign, -border).then_some(p));
             if let Some(polygon) = cut {
-                let c = polygon.corners();
                 let middle = 0.5 * (MIN[1] + MAX[1]);
-                for i in 2..c.len() {
-                    let part = 0.5 * (c[i - 1] - c[0]).cross(&(c[i] - c[0])).x;
+                for [a, b, c] in polygon.fan() {
+                    let part = 0.5 * (b - a).cross(&(c - a)).x;
                     area_m2 += part;
-                    moment_m3 += part * ((c[0].z + c[i - 1].z + c[i].z) / 3.0 - middle);
+                    moment_m3 += part * ((a.z + b.z + c.z) / 3.0 - middle);
                 }
             }
             prop_assert!((area - area_m2).abs() < 2e-9, "{} {}", area, area_m2);

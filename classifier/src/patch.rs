@@ -152,9 +152,7 @@ impl<'a> Patch<'a> {
         let Some(unit) = (t[1] - t[0]).cross(&(t[2] - t[0])).try_normalize(0.0) else {
             return;
         };
-        let corners = polygon.corners();
-        for i in 2..corners.len() {
-            let (a, b, c) = (corners[0], corners[i - 1], corners[i]);
+        for [a, b, c] in polygon.fan() {
             let area = 0.5 * (b - a).cross(&(c - a)).norm();
             self.normal += unit * area;
             self.area += area;

@@ -114,7 +114,6 @@ pub struct Near<'a, S: Simd> {
     boxes: Eight<S>,
     hits: Hits,
     lanes: LanesOf,
-    any: u32,
     faces: &'a [u32; LANES],
 }
 
@@ -128,13 +127,13 @@ impl<S: Simd> Near<'_, S> {
     /// Bits of the triangles whose boxes overlap at least one lane.
     #[inline(always)]
     pub fn any(&self) -> u32 {
-        self.any
+        self.hits.any
     }
 
     /// Bits of those whose boxes overlap `lane`.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> u32 {
-        self.hits.of_lane(lane) & self.any
+        self.hits.of_lane(lane)
     }
 
     /// Bits of the lanes that the box of triangle `i` overlaps.
@@ -299,9 +298,8 @@ impl Block {
                 a[2].max(b[2]).max(c[2]),
             ],
         };
-        let hits = boxes.hits(lanes, among);
-        let any = hits.any & ((1 << self.len) - 1);
-        if any == 0 {
+        let hits = boxes.hits(lanes, among).of_first(self.len);
+        if hits.any == 0 {
             return ControlFlow::Continue(());
         }
         let near = Near {
@@ -309,7 +307,6 @@ impl Block {
             boxes,
             lanes: hits.lanes(),
             hits,
-            any,
             faces: &self.faces,
         };
         visitor.visit(lanes, &near)

@@ -218,14 +218,13 @@ impl<const N: usize> Polygon<N> {
         n > 0
     }
 
-    /// Area vector: half the sum of the cross products, m2.
-    pub fn area(&self) -> f32 {
-        let c = self.corners();
-        let mut sum = Vector3::zeros();
-        for i in 2..c.len() {
-            sum += (c[i - 1] - c[0]).cross(&(c[i] - c[0]));
-        }
-        0.5 * sum.norm()
+    /// Its triangles about the first corner; none if it has fewer than three corners.
+    pub fn fan(&self) -> impl Iterator<Item = [Vector3<f32>; 3]> {
+        let corners = self.corners();
+        corners
+            .windows(2)
+            .skip(1)
+            .map(|pair| [corners[0], pair[0], pair[1]])
     }
 }
 
@@ -274,6 +273,10 @@ mod tests {
             assert!(p.clip(&n.map(|x| x as f32), *d as f32));
         }
         // The hypotenuse x + y = 2 touches the square [-1, 1]^2 only at (1, 1).
-        assert!((p.area() - 4.0).abs() < 1e-6);
+        let area: f32 = p
+            .fan()
+            .map(|[a, b, c]| 0.5 * (b - a).cross(&(c - a)).norm())
+            .sum();
+        assert!((area - 4.0).abs() < 1e-6);
     }
 }

@@ -78,6 +78,16 @@ pub(crate) struct Hits {
 }
 
 impl Hits {
+    /// Without those that come after the first `n` of the eight.
+    #[inline(always)]
+    pub(crate) fn of_first(self, n: usize) -> Self {
+        let first = (1u64 << n) - 1;
+        Self {
+            by_lane: self.by_lane & (first * 0x0101_0101_0101_0101),
+            any: self.any & first as u32,
+        }
+    }
+
     /// Bits of the eight that overlap `lane`.
     #[inline(always)]
     pub(crate) fn of_lane(&self, lane: usize) -> u32 {

@@ -60,10 +60,13 @@ impl Depth {
         }
         if cutting == 0 {
             self.deepen(simd, body, triangle);
-        } else if body.is_beside(simd, triangle) {
-            // No part of it is inside.
-        } else if cutting.count_ones() <= 9 {
-            // Few planes cut a triangle; the small polygon is much cheaper to set up.
+            return;
+        }
+        if body.is_beside(simd, triangle) {
+            return;
+        }
+        // Few planes cut a triangle; the small polygon is much cheaper to set up.
+        if cutting.count_ones() <= 9 {
             if let Some(polygon) = body.cut::<12>(triangle, cutting) {
                 self.deepen(simd, body, polygon.corners());
             }
@@ -171,9 +174,7 @@ impl Intruder {
             groups,
         }
     }
-}
 
-impl Intruder {
     /// Does the body clearly lie on one side of the triangle's plane, or wholly beyond one of its
     /// edges?
     #[inline(always)]
