@@ -34,7 +34,7 @@ impl Cone {
     /// Where a contact along `axis`, from the box to the triangle, may really point: the same way, or
     /// the nearest that is allowed; none if that would be into the surface. Frame of the box, into
     /// which `rotation` turns the object's.
-    #[inline]
+    #[inline(always)]
     pub(super) fn allowed(
         &self,
         axis: &Vector3<f32>,
@@ -86,7 +86,7 @@ impl Meeting {
 
 /// Contacts along `normal` nearer than `prediction`, lengths in metres, everything in the frame of the
 /// box, whose middle is the origin; `best` is the gap along the axis of least overlap.
-#[inline]
+#[inline(always)]
 pub(super) fn meet(
     half: &Vector3<f32>,
     triangle: &[Vector3<f32>; 3],
@@ -196,6 +196,7 @@ fn overlay(
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
     use super::super::separation::{Eight, Pairs};
     use super::*;
     use crate::rapier::math::Pose;
@@ -237,8 +238,9 @@ mod tests {
             eight.set(0, &triangle, &face);
             let mut pairs = Pairs::default();
             pairs.set(0, &half, &eight, 0);
-            let axes = pairs.axes(1, prediction);
-            assert!(axes.near <= eight.near(1, &half, prediction));
+            let axes = dispatch!(Level::new(), simd => pairs.axes(simd, 1, prediction));
+            let near = dispatch!(Level::new(), simd => eight.near(simd, 1, &half, prediction));
+            assert!(axes.near <= near);
             let (gap, axis) = axes.of(0);
             let cone = Cone { face, edges };
             let allowed = cone.allowed(&axis, &Matrix3::identity());

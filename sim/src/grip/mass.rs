@@ -32,7 +32,8 @@ pub(super) struct Masses {
     pub inertia_kg_m2: Matrix3<f64>,
     pub inverse_inertia: Matrix3<f64>,
     turn: UnitQuaternion<f64>,
-    drag: Option<Drag>,
+    /// For which the matrix was made, with the length of the substep.
+    made_for: Option<(Drag, f64)>,
 }
 
 impl Masses {
@@ -42,7 +43,7 @@ impl Masses {
             inertia_kg_m2: Matrix3::zeros(),
             inverse_inertia: Matrix3::zeros(),
             turn: *hand_from_body,
-            drag: None,
+            made_for: None,
         };
         masses.set_inertia(scene);
         masses
@@ -57,14 +58,14 @@ impl Masses {
         h: f64,
     ) -> bool {
         let turned = hand_from_body.angle_to(&self.turn) > TURN_RAD;
-        if !turned && self.drag == Some(*drag) {
+        if !turned && self.made_for == Some((*drag, h)) {
             return false;
         }
         if turned {
             self.turn = *hand_from_body;
             self.set_inertia(scene);
         }
-        self.drag = Some(*drag);
+        self.made_for = Some((*drag, h));
         let solver = &scene.protocol.solver;
         let frozen = if drag.is_frozen { FROZEN } else { 1.0 };
         let slowed = (1.0 + h * drag.object_1_s) * frozen;

@@ -31,7 +31,8 @@ const FOLLOW_M: f64 = 1e-5;
 /// Size of a patch of contact, metres.
 const PATCH_M: f64 = 0.01;
 
-/// How the hand moves during a step, in its own axes.
+/// How the hand moves, in its own axes.
+#[derive(Debug, Clone, Copy, Default)]
 struct Carrier {
     m_s: Vector3<f64>,
     rad_s: Vector3<f64>,
@@ -40,8 +41,7 @@ struct Carrier {
 /// The changing state of one trial.
 pub(crate) struct GripWorld {
     world_from_hand: Isometry3<f64>,
-    /// Velocity of the hand along its closing axis in the last step, m/s.
-    hand_speed_m_s: f64,
+    carrier: Carrier,
     /// Pose of the object's centre of mass.
     hand_from_body: Isometry3<f64>,
     /// Absolute velocity and angular momentum of the object, axes of the hand.
@@ -73,7 +73,7 @@ impl GripWorld {
         let hand_from_body = object_from_hand.inverse() * object_from_body;
         Self {
             world_from_hand: Isometry3::identity(),
-            hand_speed_m_s: 0.0,
+            carrier: Carrier::default(),
             hand_from_body,
             velocity_m_s: Vector3::zeros(),
             spin_kg_m2_s: Vector3::zeros(),
@@ -151,16 +151,44 @@ impl GripWorld {
             })
     }
 
-    /// One implicit step under outer forces; `carrier` is how the hand moves, in its own axes.
-    fn substep(
-        &mut self,
-        scene: &Scene,
-        carrier: &Carrier,
-        drive: &Drive,
-        outer: &ObjectLoad,
-        h: f64,
-    ) {
+    /// Into how many parts a step is cut: the faster hand and object move against each other where they
+    /// touch, or are about to, the more. What rests in the hand needs one.
+    fn parts(&self, scene: &Scene) -> u32 {
         let s = &scene.protocol.solver;
+        let v = self.relative.fixed_rows::<3>(0).into_owned();
+        let w = self.relative.fixed_rows::<3>(3).into_owned();
+        let com = self.hand_from_body.translation.vector;
+        let fastest_m_s = self
+            .contacts
+            .points
+            .iter()
+            .map(|point| {
+                let finger_m_s = match point.row[6..] {
+                    [left, _] if left != 0.0 => self.relative[6],
+                    [_, right] if right != 0.0 => -self.relative[7],
+                    _ => 0.0,
+                };
+                (v + w.cross(&(point.at - com)) - Vector3::x() * finger_m_s).norm()
+            })
+            .fold(0.0, f64::max);
+        let parts = (fastest_m_s / s.fine_speed_m_s).ceil();
+        parts.clamp(1.0, f64::from(s.substeps)) as u32
+    }
+
+    /// Patches move to their centres of pressure.
+    fn follow_patches(&mut self, scene: &Scene) {
+        let com = self.hand_from_body.translation.vector;
+        let p = &scene.protocol;
+        let (scale, least_lever_m) = (p.solver.patch_scale, p.friction_torsional_m);
+        if self.contacts.follow(&com, scale, least_lever_m, FOLLOW_M) {
+            self.solver.forget();
+        }
+    }
+
+    /// One implicit step under outer forces.
+    fn substep(&mut self, scene: &Scene, drive: &Drive, outer: &ObjectLoad, h: f64) {
+        let s = &scene.protocol.solver;
+        let carrier = self.carrier;
         self.drag.hold = drive.hold.map_or((0.0, 0.0), |(_, k, c)| (k, c));
         let turn = &self.hand_from_body.rotation;
         if self.masses.follow(scene, turn, &self.drag, h) {
@@ -272,7 +300,6 @@ impl World for GripWorld {
         drive: &Drive,
         load: &ObjectLoad,
     ) {
-        let solver = &scene.protocol.solver;
         let dt_s = scene.protocol.dt_s;
         self.look(scene);
         let turn = self.world_from_hand.rotation.inverse() * world_from_hand.rotation;
@@ -280,38 +307,38 @@ impl World for GripWorld {
         let way = world_from_hand.translation.vector - self.world_from_hand.translation.vector;
         let half = UnitQuaternion::from_scaled_axis(rad_s * (dt_s / 2.0));
         let middle = self.world_from_hand.rotation * half;
-        let carrier = Carrier {
-            m_s: middle.inverse_transform_vector(&(way / dt_s)),
-            rad_s,
+        let before = self.carrier;
+        let jump = Carrier {
+            m_s: middle.inverse_transform_vector(&(way / dt_s)) - before.m_s,
+            rad_s: rad_s - before.rad_s,
         };
-        // The hand drags its fingers along.
-        let jump = carrier.m_s.x - self.hand_speed_m_s;
-        self.hand_speed_m_s = carrier.m_s.x;
-        self.finger_m_s[0] -= jump;
-        self.finger_m_s[1] += jump;
         let force_n = load.force_n + self.gravity_m_s2 * scene.mass_kg;
         let outer = ObjectLoad {
             force_n: middle.inverse_transform_vector(&force_n),
             torque_n_m: middle.inverse_transform_vector(&load.torque_n_m),
         };
-        let h = dt_s / f64::from(solver.substeps);
-        let back = UnitQuaternion::from_scaled_axis(-rad_s * h);
-        for _ in 0..solver.substeps {
+        let parts = self.parts(scene);
+        let h = dt_s / f64::from(parts);
+        for part in 1..=parts {
+            if part > 1 {
+                self.follow_patches(scene);
+                self.look(scene);
+            }
+            // The hand's speed changes evenly, part by part, and it drags its fingers along.
+            let share = f64::from(part) / f64::from(parts);
+            self.finger_m_s[0] -= jump.m_s.x / f64::from(parts);
+            self.finger_m_s[1] += jump.m_s.x / f64::from(parts);
+            self.carrier = Carrier {
+                m_s: before.m_s + jump.m_s * share,
+                rad_s: before.rad_s + jump.rad_s * share,
+            };
             // Absolute velocities keep their direction while the hand's axes turn.
+            let back = UnitQuaternion::from_scaled_axis(-self.carrier.rad_s * h);
             self.velocity_m_s = back * self.velocity_m_s;
             self.spin_kg_m2_s = back * self.spin_kg_m2_s;
-            self.substep(scene, &carrier, drive, &outer, h);
+            self.substep(scene, drive, &outer, h);
         }
-        let com = self.hand_from_body.translation.vector;
-        let moved = self.contacts.follow(
-            &com,
-            solver.patch_scale,
-            scene.protocol.friction_torsional_m,
-            FOLLOW_M,
-        );
-        if moved {
-            self.solver.forget();
-        }
+        self.follow_patches(scene);
         self.world_from_hand = *world_from_hand;
         self.feel();
     }

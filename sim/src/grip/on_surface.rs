@@ -1,5 +1,7 @@
 //! Contacts with the true triangles within reach: boxes by our own search, hulls by parry's manifolds.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use shakedown_objects::surface::bits;
 
@@ -96,40 +98,49 @@ impl Finder {
             manifold: &mut self.manifold,
             spots: &mut self.spots,
         };
-        for (part, near) in self.nearby.parts.iter().enumerate() {
-            search.visit(part, near);
-        }
-        search.meet_waiting();
+        let near = &self.nearby.parts;
+        dispatch!(Level::new(), simd => search.run(simd, near));
     }
 }
 
 impl Search<'_> {
-    fn visit(&mut self, part: usize, near: &Near) {
+    /// In the widest registers that the machine has: the same bits in all of them.
+    #[inline(always)]
+    fn run<S: Simd>(&mut self, simd: S, near: &[Near]) {
+        for (part, near) in near.iter().enumerate() {
+            self.visit(simd, part, near);
+        }
+        self.meet_waiting(simd);
+    }
+
+    #[inline(always)]
+    fn visit<S: Simd>(&mut self, simd: S, part: usize, near: &Near) {
         let (place, prediction) = (&self.places[part], self.prediction_m as f32);
         for (eight, faces) in near.eights() {
-            let moved = eight.moved(&place.rotation, &place.shift);
+            let moved = eight.moved(simd, &place.rotation, &place.shift);
             let Some(half) = &self.parts[part].half else {
-                self.meet_waiting();
+                self.meet_waiting(simd);
                 self.meet_hull(part, &moved, faces);
                 continue;
             };
-            for lane in bits(moved.near(faces.len(), half, prediction)) {
+            for lane in bits(moved.near(simd, faces.len(), half, prediction)) {
                 let waiting = &mut *self.waiting;
                 waiting.pairs.set(waiting.count, half, &moved, lane);
                 waiting.parts[waiting.count] = part;
                 waiting.faces[waiting.count] = faces[lane] as usize;
                 waiting.count += 1;
                 if waiting.count == EIGHT {
-                    self.meet_waiting();
+                    self.meet_waiting(simd);
                 }
             }
         }
     }
 
-    fn meet_waiting(&mut self) {
+    #[inline(always)]
+    fn meet_waiting<S: Simd>(&mut self, simd: S) {
         let waiting = &mut *self.waiting;
         let prediction = self.prediction_m as f32;
-        let axes = waiting.pairs.axes(waiting.count, prediction);
+        let axes = waiting.pairs.axes(simd, waiting.count, prediction);
         waiting.count = 0;
         for lane in bits(axes.near) {
             let (part, place) = (

@@ -3,8 +3,9 @@
 //! Separating axes (S. Gottschalk et al., "OBBTree", SIGGRAPH 1996): three faces of the box, the
 //! triangle's plane, nine pairs of edges. The box's middle is the origin of its frame.
 
+use fearless_simd::f32x8;
+use fearless_simd::prelude::*;
 use nalgebra::{Matrix3, Vector3};
-use wide::f32x8;
 
 /// Triangles that are tested together.
 pub(super) const EIGHT: usize = 8;
@@ -13,25 +14,25 @@ pub(super) const EIGHT: usize = 8;
 /// (squared).
 const PARALLEL: f32 = 1e-6;
 
-type Three = [f32x8; 3];
+type Three<S> = [f32x8<S>; 3];
 
 #[inline(always)]
-fn dot(a: &Three, b: &Three) -> f32x8 {
+fn dot<S: Simd>(a: &Three<S>, b: &Three<S>) -> f32x8<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-fn wide([x, y, z]: &[[f32; EIGHT]; 3]) -> Three {
-    [f32x8::from(*x), f32x8::from(*y), f32x8::from(*z)]
+fn wide<S: Simd>(simd: S, [x, y, z]: &[[f32; EIGHT]; 3]) -> Three<S> {
+    [(*x).simd_into(simd), (*y).simd_into(simd), (*z).simd_into(simd)]
 }
 
 #[inline(always)]
-fn minus(a: &Three, b: &Three) -> Three {
+fn minus<S: Simd>(a: &Three<S>, b: &Three<S>) -> Three<S> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[inline(always)]
-fn abs(a: &Three) -> Three {
+fn abs<S: Simd>(a: &Three<S>) -> Three<S> {
     [a[0].abs(), a[1].abs(), a[2].abs()]
 }
 
@@ -69,22 +70,22 @@ impl Axes {
 }
 
 /// The best axis so far.
-struct Best {
-    gap: f32x8,
-    axis: Three,
+struct Best<S: Simd> {
+    gap: f32x8<S>,
+    axis: Three<S>,
 }
 
-impl Best {
+impl<S: Simd> Best<S> {
     #[inline(always)]
-    fn none() -> Self {
+    fn none(simd: S) -> Self {
         Self {
-            gap: f32x8::splat(f32::MIN),
-            axis: [f32x8::ZERO; 3],
+            gap: f32x8::splat(simd, f32::MIN),
+            axis: [f32x8::splat(simd, 0.0); 3],
         }
     }
 
     #[inline(always)]
-    fn offer(&mut self, gap: f32x8, [x, y, z]: Three) {
+    fn offer(&mut self, gap: f32x8<S>, [x, y, z]: Three<S>) {
         let wins = gap.simd_gt(self.gap);
         self.gap = wins.select(gap, self.gap);
         self.axis = [
@@ -118,41 +119,39 @@ impl Eight {
     }
 
     /// In another frame.
-    #[inline]
-    pub fn moved(&self, rotation: &Matrix3<f32>, shift: &Vector3<f32>) -> Self {
+    #[inline(always)]
+    pub fn moved<S: Simd>(&self, simd: S, rotation: &Matrix3<f32>, shift: &Vector3<f32>) -> Self {
         let mut moved = Self::default();
         for i in 0..3 {
-            let row = [0, 1, 2].map(|j| f32x8::splat(rotation[(i, j)]));
-            let shift = f32x8::splat(shift[i]);
-            let turned = |[x, y, z]: &[[f32; EIGHT]; 3]| {
-                f32x8::from(*x) * row[0] + f32x8::from(*y) * row[1] + f32x8::from(*z) * row[2]
-            };
+            let row = [0, 1, 2].map(|j| f32x8::splat(simd, rotation[(i, j)]));
+            let shift = f32x8::splat(simd, shift[i]);
             for k in 0..3 {
-                moved.corners[k][i] = (turned(&self.corners[k]) + shift).to_array();
+                let turned = dot(&wide(simd, &self.corners[k]), &row);
+                moved.corners[k][i] = (turned + shift).into();
             }
-            moved.normal[i] = turned(&self.normal).to_array();
+            moved.normal[i] = dot(&wide(simd, &self.normal), &row).into();
         }
         moved
     }
 
     /// Which of the first `count` triangles, in the frame of a box of half size `half`, neither its faces
     /// nor their own planes keep farther away than `reach`; as bits.
-    #[inline]
-    pub fn near(&self, count: usize, half: &Vector3<f32>, reach: f32) -> u32 {
-        let half = [half.x, half.y, half.z].map(f32x8::splat);
-        let normal = wide(&self.normal);
+    #[inline(always)]
+    pub fn near<S: Simd>(&self, simd: S, count: usize, half: &Vector3<f32>, reach: f32) -> u32 {
+        let half = [half.x, half.y, half.z].map(|x| f32x8::splat(simd, x));
+        let normal = wide(simd, &self.normal);
         let [a, b, c] = &self.corners;
-        let (a, b, c) = (wide(a), wide(b), wide(c));
-        let reach = f32x8::splat(reach);
+        let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
+        let reach = f32x8::splat(simd, reach);
         let plane = dot(&normal, &a).abs() - dot(&abs(&normal), &half);
         let mut near = plane.simd_le(reach);
         for i in 0..3 {
             let limit = half[i] + reach;
-            let low = a[i].fast_min(b[i]).fast_min(c[i]);
-            let high = a[i].fast_max(b[i]).fast_max(c[i]);
+            let low = a[i].min(b[i]).min(c[i]);
+            let high = a[i].max(b[i]).max(c[i]);
             near &= low.simd_le(limit) & high.simd_ge(-limit);
         }
-        near.to_bitmask() & ((1 << count) - 1)
+        near.to_bitmask() as u32 & ((1 << count) - 1)
     }
 }
 
@@ -176,19 +175,20 @@ impl Pairs {
     }
 
     /// Axes of least overlap of the first `count` pairs; near are those not more than `prediction` apart.
-    pub fn axes(&self, count: usize, prediction: f32) -> Axes {
-        let (zero, one) = (f32x8::ZERO, f32x8::ONE);
-        let half = wide(&self.half);
-        let face = wide(&self.triangles.normal);
+    #[inline(always)]
+    pub fn axes<S: Simd>(&self, simd: S, count: usize, prediction: f32) -> Axes {
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let half = wide(simd, &self.half);
+        let face = wide(simd, &self.triangles.normal);
         let [a, b, c] = &self.triangles.corners;
-        let (a, b, c) = (wide(a), wide(b), wide(c));
-        let prediction = f32x8::splat(prediction);
+        let (a, b, c) = (wide(simd, a), wide(simd, b), wide(simd, c));
+        let prediction = f32x8::splat(simd, prediction);
         let used = (1u32 << count) - 1;
 
-        let mut best = Best::none();
+        let mut best = Best::none(simd);
         for i in 0..3 {
-            let low = a[i].fast_min(b[i]).fast_min(c[i]);
-            let high = a[i].fast_max(b[i]).fast_max(c[i]);
+            let low = a[i].min(b[i]).min(c[i]);
+            let high = a[i].max(b[i]).max(c[i]);
             for (sign, gap) in [(one, low - half[i]), (-one, -high - half[i])] {
                 let mut axis = [zero; 3];
                 axis[i] = sign;
@@ -198,7 +198,7 @@ impl Pairs {
         let offset = dot(&face, &a);
         let face_gap = offset.abs() - dot(&abs(&face), &half);
         let mut near = best.gap.simd_le(prediction) & face_gap.simd_le(prediction);
-        let mut edges = Best::none();
+        let mut edges = Best::none(simd);
         // Both ends of an edge project to the same point.
         let sides = [
             (minus(&b, &a), &a, &c),
@@ -206,7 +206,7 @@ impl Pairs {
             (minus(&a, &c), &a, &b),
         ];
         for (edge, end, other) in &sides {
-            let least = f32x8::splat(PARALLEL) * dot(edge, edge);
+            let least = f32x8::splat(simd, PARALLEL) * dot(edge, edge);
             for cross in [
                 [zero, -edge[2], edge[1]],
                 [edge[2], zero, -edge[0]],
@@ -214,12 +214,12 @@ impl Pairs {
             ] {
                 let square = dot(&cross, &cross);
                 let (p, q) = (dot(&cross, end), dot(&cross, other));
-                let (min, max) = (p.fast_min(q), p.fast_max(q));
+                let (min, max) = (p.min(q), p.max(q));
                 let reach = dot(&abs(&cross), &half);
                 let ahead = min.simd_gt(-max);
                 let per_length = one / square.sqrt();
                 let gap = (ahead.select(min, -max) - reach) * per_length;
-                let gap = square.simd_le(least).select(f32x8::splat(f32::MIN), gap);
+                let gap = square.simd_le(least).select(f32x8::splat(simd, f32::MIN), gap);
                 let scale = ahead.select(per_length, -per_length);
                 edges.offer(gap, [cross[0] * scale, cross[1] * scale, cross[2] * scale]);
             }
@@ -229,14 +229,13 @@ impl Pairs {
         let toward = offset.simd_gt(zero).select(one, -one);
         let by_face = face_gap.simd_gt(best.gap) & face_gap.simd_gt(edges.gap);
         let by_edge = edges.gap.simd_gt(best.gap);
-        let pick = |box_face: f32x8, plane: f32x8, edge: f32x8| {
-            by_face
-                .select(plane, by_edge.select(edge, box_face))
-                .to_array()
+        let pick = |box_face: f32x8<S>, plane: f32x8<S>, edge: f32x8<S>| {
+            let best = by_face.select(plane, by_edge.select(edge, box_face));
+            best.into()
         };
         let along = |k: usize| pick(best.axis[k], face[k] * toward, edges.axis[k]);
         Axes {
-            near: near.to_bitmask() & used,
+            near: near.to_bitmask() as u32 & used,
             gap: pick(best.gap, face_gap, edges.gap),
             axis: [along(0), along(1), along(2)],
         }

@@ -8,6 +8,7 @@ impl Protocol {
         let positive = [
             ("object_density_kg_m3", self.object_density_kg_m3),
             ("dt_s", self.dt_s),
+            ("solver.fine_speed_m_s", self.solver.fine_speed_m_s),
             ("grip_force_n", self.grip_force_n),
             ("grip_force_per_kg_n", self.grip_force_per_kg_n),
             ("grip_force_safety", self.grip_force_safety),

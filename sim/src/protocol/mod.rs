@@ -257,8 +257,11 @@ pub struct Solver {
     pub engine: Engine,
     /// What the fingers touch.
     pub object_contact: ObjectContact,
-    /// `grip`: substeps of a step.
+    /// `grip`: parts of a step at most.
     pub substeps: u32,
+    /// `grip`: a step has one more part for each multiple of this speed, m/s, of hand and object against
+    /// each other where they touch.
+    pub fine_speed_m_s: f64,
     /// `grip`: stiffness of a pad at one point of contact, N/m.
     pub pad_stiffness_n_m: f64,
     /// `grip`: stiffness of a patch of contact against sliding, N/m.
