@@ -220,6 +220,10 @@ pub struct SourceArgs {
     /// Integration steps of the model (default: its card's)
     #[arg(long)]
     pub steps: Option<NonZeroUsize>,
+    /// How often a grasp that the model's evaluator does not believe in is drawn anew at most (default:
+    /// its card's; 0: everything that the flow draws)
+    #[arg(long, value_name = "N")]
+    pub redraws: Option<usize>,
     /// Show the model each object turned at random (by the seed); its grasps are turned back
     #[arg(long)]
     pub turn_objects: bool,

@@ -226,6 +226,16 @@ pub struct TrainArgs {
     /// With --rectify: the end of a path is good only if it also holds in a trial
     #[arg(long, requires = "rectify")]
     pub try_ends: bool,
+    /// Train no flow but an evaluator of this one's grasps: it draws --paths of them on each object, each
+    /// is tried, and --out becomes that model with `evaluator.onnx`
+    #[arg(long, value_name = "NAME|DIR", conflicts_with = "rectify")]
+    pub evaluator_for: Option<String>,
+    /// With --evaluator-for: a grasp whose score is lower is drawn anew
+    #[arg(long, default_value_t = 0.5, value_name = "P")]
+    pub least_score: f64,
+    /// With --evaluator-for: so often at most
+    #[arg(long, default_value_t = 4, value_name = "N")]
+    pub redraws: usize,
     /// Steps, instead of the preset's
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,

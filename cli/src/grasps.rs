@@ -48,14 +48,17 @@ pub fn of_item(
         #[cfg(feature = "onnx")]
         (None, Source::Model(model)) => {
             let mut model = model.lock().expect("nobody panics while holding it");
-            let steps = args.steps.map(std::num::NonZeroUsize::get);
+            let settings = shakedown_sampler::DrawSettings {
+                steps: args.steps.map(std::num::NonZeroUsize::get),
+                redraws: args.redraws,
+            };
             let turn = args.turn_objects.then(|| {
                 let mut rng = seed::stream(run_seed, "turn-v1", &object.id, "", 0);
                 seed::uniform_rotation(&mut rng)
             });
             let turned = turn.map(|turn| object.turned(&turn));
             let shown = turned.as_ref().unwrap_or(object);
-            let mut grasps = model.sample(shown, gripper, args.candidates, run_seed, steps)?;
+            let mut grasps = model.sample(shown, gripper, args.candidates, run_seed, settings)?;
             if let Some(turn) = turn {
                 for grasp in &mut grasps {
                     grasp.object_from_hand = turn.inverse() * grasp.object_from_hand;

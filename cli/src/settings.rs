@@ -117,6 +117,7 @@ impl Source {
                     "hash": model.hash,
                     "runtime": { "name": model.runtime.name, "version": model.runtime.version },
                     "steps": args.steps,
+                    "redraws": args.redraws,
                     "turn_objects": args.turn_objects,
                     "candidates": args.candidates,
                 })

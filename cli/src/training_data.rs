@@ -47,23 +47,14 @@ impl TrainingData {
         gripper: &Gripper,
         protocol: &Protocol,
     ) -> Result<Self, Failure> {
-        let embedded = args.data.iter().any(|d| d == "embedded");
+        let embedded = is_embedded(args);
         if embedded && (args.stretched > 0 || args.hold_out > 0) {
             return Err(Failure::usage(
                 "--stretched and --hold-out are for files; embedded shapes are drawn with --variants",
             ));
         }
-        if embedded && args.data.len() > 1 {
-            return Err(Failure::usage(
-                "--data embedded stands alone; files and directories may be mixed",
-            ));
-        }
         let held = Held::read(&args.held_in)?;
-        let sources: Vec<Source> = if embedded {
-            variants(args.variants).map(Source::Shape).collect()
-        } else {
-            files(&args.data)?.into_iter().map(Source::File).collect()
-        };
+        let sources = sources(args)?;
         let bar = progress::bar(global, sources.len() as u64);
         bar.set_message("data");
         let context = Context {
@@ -92,7 +83,7 @@ impl TrainingData {
             .map(|(i, source)| {
                 let is_validated = i % every == 0;
                 let (learned, object) = if is_validated && args.hold_out > 0 {
-                    (Vec::new(), context.object(source)?)
+                    (Vec::new(), source.object(args)?)
                 } else {
                     context.learned(source, preset, teacher.as_ref())?
                 };
@@ -148,9 +139,31 @@ impl TrainingData {
     }
 }
 
-enum Source {
+/// Where an object comes from.
+pub enum Source {
     File(PathBuf),
     Shape(Shape),
+}
+
+/// Are our own shapes learned from?
+pub fn is_embedded(args: &TrainArgs) -> bool {
+    args.data.iter().any(|d| d == "embedded")
+}
+
+/// What --data names.
+///
+/// # Errors
+/// Shapes and files together, a directory without files.
+pub fn sources(args: &TrainArgs) -> Result<Vec<Source>, Failure> {
+    if !is_embedded(args) {
+        return Ok(files(&args.data)?.into_iter().map(Source::File).collect());
+    }
+    if args.data.len() > 1 {
+        return Err(Failure::usage(
+            "--data embedded stands alone; files and directories may be mixed",
+        ));
+    }
+    Ok(variants(args.variants).map(Source::Shape).collect())
 }
 
 struct Context<'a> {
@@ -219,39 +232,12 @@ impl Context<'_> {
     }
 
     fn scene(&self, object: &Object) -> Result<Scene, Failure> {
-        let cache = shakedown_objects::pieces::default_cache_directory();
-        Ok(Scene::new(
-            object,
-            self.gripper,
-            self.protocol,
-            None,
-            cache.as_deref(),
-        )?)
-    }
-
-    fn object(&self, source: &Source) -> Result<Object, Failure> {
-        match source {
-            Source::File(path) => self.file_object(path),
-            Source::Shape(shape) => Ok(shape.object()?),
-        }
-    }
-
-    fn file_object(&self, path: &Path) -> Result<Object, Failure> {
-        let item = Item {
-            id: shakedown_objects::object::stem(path),
-            material: Material::GraspFile(path.to_owned()),
-            grasps: Some(path.to_owned()),
-        };
-        let args = ObjectArgs {
-            mesh_root: self.args.mesh_root.clone(),
-            ..ObjectArgs::default()
-        };
-        item.load(&args, &ReadOptions::default())
+        scene(object, self.gripper, self.protocol)
     }
 
     fn acronym(&self, path: &Path) -> Result<(Object, Vec<Grasp>), Failure> {
         let options = ReadOptions::default();
-        let object = self.file_object(path)?;
+        let object = file_object(path, self.args)?;
         let mut grasps = read_grasps(path, &options)?.grasps;
         grasps.retain(|g| g.label == Some(true) && self.held.allows(&object.id, g.index));
         if let Some(least) = self.args.min_p_hold {
@@ -277,47 +263,100 @@ impl Context<'_> {
     /// Candidates of a shape that held; kept on disk, so that a resumed training tries none twice.
     fn tried(&self, shape: &Shape) -> Result<(Object, Vec<Grasp>), Failure> {
         let object = shape.object()?;
-        let directory = self.args.out.join("data");
-        let path = directory.join(format!(
-            "{}-{}-{}.json",
-            shape.id, self.args.candidates, self.global.seed
-        ));
-        let options = ReadOptions::default();
-        if path.is_file() {
-            let mut grasps = read_grasps(&path, &options)?.grasps;
-            grasps.retain(|g| g.label == Some(true));
-            return Ok((object, grasps));
-        }
-        let mut grasps = sample_antipodal(
-            &object,
-            self.gripper,
-            self.args.candidates,
-            self.global.seed,
-            &AntipodalSettings::default(),
-        );
-        if grasps.is_empty() {
-            return Ok((object, grasps));
-        }
-        let scene = self.scene(&object)?;
-        grasps.par_iter_mut().for_each(|g| {
-            g.label = Some(run_trial(&scene, &g.object_from_hand).is_held());
-        });
-        fs::create_dir_all(&directory)
-            .map_err(|e| Failure::input(format!("cannot write {}: {e}", directory.display())))?;
-        let new = path.with_extension("new");
-        write_grasps(&GraspFile {
-            path: new.clone(),
-            format: GraspFormat::GraspGenJson,
-            gripper: Some(self.gripper.name.clone()),
-            object: Default::default(),
-            grasps: grasps.clone(),
-            reorthonormalised: 0,
+        let file = format!("{}-{}-{}", shape.id, self.args.candidates, self.global.seed);
+        let mut grasps = kept(&self.args.out, &file, || {
+            let mut grasps = sample_antipodal(
+                &object,
+                self.gripper,
+                self.args.candidates,
+                self.global.seed,
+                &AntipodalSettings::default(),
+            );
+            let scene = self.scene(&object)?;
+            grasps.par_iter_mut().for_each(|g| {
+                g.label = Some(run_trial(&scene, &g.object_from_hand).is_held());
+            });
+            Ok(grasps)
         })?;
-        fs::rename(&new, &path)
-            .map_err(|e| Failure::input(format!("cannot write {}: {e}", path.display())))?;
         grasps.retain(|g| g.label == Some(true));
         Ok((object, grasps))
     }
+}
+
+/// Labelled grasps that lie in `out/data`, or else are made and laid there: a training that is resumed
+/// tries none twice.
+///
+/// # Errors
+/// Those of the making; a disk that cannot be written.
+pub fn kept(
+    out: &Path,
+    name: &str,
+    make: impl FnOnce() -> Result<Vec<Grasp>, Failure>,
+) -> Result<Vec<Grasp>, Failure> {
+    let directory = out.join("data");
+    let path = directory.join(format!("{name}.json"));
+    if path.is_file() {
+        return Ok(read_grasps(&path, &ReadOptions::default())?.grasps);
+    }
+    let grasps = make()?;
+    if grasps.is_empty() {
+        return Ok(grasps);
+    }
+    let cannot =
+        |e: std::io::Error| Failure::input(format!("cannot write {}: {e}", directory.display()));
+    fs::create_dir_all(&directory).map_err(cannot)?;
+    let new = path.with_extension("new");
+    write_grasps(&GraspFile {
+        path: new.clone(),
+        format: GraspFormat::GraspGenJson,
+        gripper: None,
+        object: Default::default(),
+        grasps: grasps.clone(),
+        reorthonormalised: 0,
+    })?;
+    fs::rename(&new, &path).map_err(cannot)?;
+    Ok(grasps)
+}
+
+impl Source {
+    /// The object itself.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read.
+    pub fn object(&self, args: &TrainArgs) -> Result<Object, Failure> {
+        match self {
+            Self::File(path) => file_object(path, args),
+            Self::Shape(shape) => Ok(shape.object()?),
+        }
+    }
+}
+
+fn file_object(path: &Path, args: &TrainArgs) -> Result<Object, Failure> {
+    let item = Item {
+        id: shakedown_objects::object::stem(path),
+        material: Material::GraspFile(path.to_owned()),
+        grasps: Some(path.to_owned()),
+    };
+    let args = ObjectArgs {
+        mesh_root: args.mesh_root.clone(),
+        ..ObjectArgs::default()
+    };
+    item.load(&args, &ReadOptions::default())
+}
+
+/// Where grasps of an object are tried.
+///
+/// # Errors
+/// An object that cannot be simulated.
+pub fn scene(object: &Object, gripper: &Gripper, protocol: &Protocol) -> Result<Scene, Failure> {
+    let cache = shakedown_objects::pieces::default_cache_directory();
+    Ok(Scene::new(
+        object,
+        gripper,
+        protocol,
+        None,
+        cache.as_deref(),
+    )?)
 }
 
 /// `each` variants of every family, drawn from the ranges of the seen members.
@@ -330,7 +369,7 @@ fn variants(each: u64) -> impl Iterator<Item = Shape> {
 }
 
 /// An object in the axes of its snug box, as the model will see it.
-fn snug(object: &Object, grasps: &[Grasp]) -> (Object, Vec<Grasp>) {
+pub fn snug(object: &Object, grasps: &[Grasp]) -> (Object, Vec<Grasp>) {
     let axes = object.snug_axes();
     let turned = |g: &Grasp| Grasp {
         object_from_hand: axes * g.object_from_hand,

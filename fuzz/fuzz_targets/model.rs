@@ -1,5 +1,5 @@
-//! No bytes make the loader of a flow model panic: any graph as encoder or as velocity beside a good
-//! other one.
+//! No bytes make the loader of a flow model panic: any graph as encoder, velocity or evaluator beside
+//! good other ones.
 #![no_main]
 
 use std::borrow::Cow;
@@ -17,7 +17,11 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
         return;
     };
     let mut files = GOOD.clone();
-    let part = if kind % 2 == 0 { &mut files.encoder } else { &mut files.velocity };
-    *part = Cow::Owned(graph.to_vec());
+    let graph = Cow::Owned(graph.to_vec());
+    match kind % 3 {
+        0 => files.encoder = graph,
+        1 => files.velocity = graph,
+        _ => files.evaluator = Some(graph),
+    }
     let _ = FlowModel::open(&files, None);
 });

@@ -7,7 +7,7 @@ mod fixture;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
-use shakedown_sampler::FlowModel;
+use shakedown_sampler::{DrawSettings, FlowModel};
 
 fn flow(c: &mut Criterion) {
     let dir = tempfile::tempdir().expect("a directory");
@@ -29,7 +29,11 @@ fn flow(c: &mut Criterion) {
     for count in [64u64, 1024] {
         group.throughput(Throughput::Elements(count));
         group.bench_with_input(BenchmarkId::from_parameter(count), &count, |b, &n| {
-            b.iter(|| model.sample(&object, &gripper, n, 0, None).expect("finite"));
+            b.iter(|| {
+                model
+                    .sample(&object, &gripper, n, 0, DrawSettings::default())
+                    .expect("finite")
+            });
         });
     }
     group.finish();

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use shakedown_objects::Normalisation;
 
+/// Most times that a grasp is drawn anew.
+pub const REDRAWS_MAX: usize = 1000;
+
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -68,6 +71,16 @@ pub enum Centring {
     SnugBox,
 }
 
+/// When a grasp is drawn anew: the table `[evaluator]` of `model.toml`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvaluatorCard {
+    /// A grasp whose score is lower is drawn anew.
+    pub least_score: f64,
+    /// So many times at most; then the best of all is taken.
+    pub redraws: usize,
+}
+
 /// The content of `model.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -108,6 +121,9 @@ pub struct ModelCard {
     /// Points in the frame of the poses (`frame` above), metres, behind the input `sdf_at_points`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub control_points_m: Vec<[f64; 3]>,
+    /// What `evaluator.onnx` is for, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evaluator: Option<EvaluatorCard>,
     /// What it was measured to reach.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub metrics: BTreeMap<String, f64>,
@@ -138,6 +154,19 @@ impl ModelCard {
             Some(format!(
                 "noise_translation_std is {}",
                 card.noise_translation_std
+            ))
+        } else if let Some(e) = card
+            .evaluator
+            .filter(|e| !(0.0..=1.0).contains(&e.least_score))
+        {
+            Some(format!(
+                "evaluator.least_score is {}, not within 0..=1",
+                e.least_score
+            ))
+        } else if let Some(e) = card.evaluator.filter(|e| e.redraws > REDRAWS_MAX) {
+            Some(format!(
+                "evaluator.redraws is {}, more than {REDRAWS_MAX}",
+                e.redraws
             ))
         } else {
             None

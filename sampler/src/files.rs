@@ -1,4 +1,4 @@
-//! Where the three files of a model come from: a directory, or this binary.
+//! Where the files of a model come from: a directory, or this binary.
 
 use std::borrow::Cow;
 use std::fs;
@@ -8,7 +8,7 @@ use shakedown_objects::io::read_at_most;
 
 use crate::card::{ModelCard, ModelError};
 
-/// The three files of a model.
+/// The files of a model.
 #[derive(Debug, Clone)]
 pub struct ModelFiles {
     /// Names the model in messages: a directory, or `built-in NAME`.
@@ -19,6 +19,8 @@ pub struct ModelFiles {
     pub encoder: Cow<'static, [u8]>,
     /// `velocity.onnx`.
     pub velocity: Cow<'static, [u8]>,
+    /// `evaluator.onnx`, if there is one.
+    pub evaluator: Option<Cow<'static, [u8]>>,
 }
 
 macro_rules! built_in {
@@ -49,7 +51,9 @@ impl ModelFiles {
     /// Do both graphs come from this binary?
     pub fn is_built_in(&self) -> bool {
         let is_own = |graph: &Cow<'static, [u8]>| matches!(graph, Cow::Borrowed(_));
-        is_own(&self.encoder) && is_own(&self.velocity)
+        is_own(&self.encoder)
+            && is_own(&self.velocity)
+            && self.evaluator.as_ref().is_none_or(is_own)
     }
 
     /// A built-in model by name, or the files of a directory.
@@ -63,6 +67,7 @@ impl ModelFiles {
                 card: Cow::Borrowed(card),
                 encoder: Cow::Borrowed(encoder),
                 velocity: Cow::Borrowed(velocity),
+                evaluator: None,
             });
         }
         let directory = Path::new(name);
@@ -92,6 +97,11 @@ impl ModelFiles {
             }
             read_at_most(&path, MODEL_BYTES_MAX).map_err(|source| ModelError::Io { path, source })
         };
+        let evaluator = if directory.join("evaluator.onnx").exists() {
+            Some(Cow::Owned(bytes("evaluator.onnx")?))
+        } else {
+            None
+        };
         let card = directory.join("model.toml");
         let card = fs::read_to_string(&card).map_err(|source| ModelError::Io {
             path: card.clone(),
@@ -102,6 +112,7 @@ impl ModelFiles {
             card: Cow::Owned(card),
             encoder: Cow::Owned(bytes("encoder.onnx")?),
             velocity: Cow::Owned(bytes("velocity.onnx")?),
+            evaluator,
         })
     }
 
@@ -113,10 +124,12 @@ impl ModelFiles {
         ModelCard::parse(&self.card, &self.place.join("model.toml"))
     }
 
-    /// blake3 of the three files.
+    /// blake3 of all files.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
-        for part in [self.card.as_bytes(), &self.encoder, &self.velocity] {
+        let evaluator = self.evaluator.as_deref();
+        let parts = [self.card.as_bytes(), &self.encoder, &self.velocity];
+        for part in parts.into_iter().chain(evaluator) {
             hasher.update(&(part.len() as u64).to_le_bytes());
             hasher.update(part);
         }

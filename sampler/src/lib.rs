@@ -11,6 +11,8 @@ pub mod flow;
 pub mod seed;
 
 #[cfg(feature = "onnx")]
+mod graph;
+#[cfg(feature = "onnx")]
 pub mod network;
 #[cfg(feature = "onnx")]
 pub mod runtime;
@@ -18,8 +20,8 @@ pub mod runtime;
 mod vet;
 
 pub use antipodal::{AntipodalSettings, sample_antipodal};
-pub use card::{Centring, Integrator, ModelCard, ModelError};
+pub use card::{Centring, EvaluatorCard, Integrator, ModelCard, ModelError};
 pub use files::{ModelFiles, built_in_names};
 pub use flow::{FlowSample, VelocityField, integrate};
 #[cfg(feature = "onnx")]
-pub use network::{FlowModel, FlowPath};
+pub use network::{DrawSettings, FlowModel, FlowPath};

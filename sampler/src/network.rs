@@ -1,17 +1,16 @@
-//! The model of the contract: `encoder.onnx` once per object, `velocity.onnx` at every step.
+//! The model of the contract: `encoder.onnx` once per object, `velocity.onnx` at every step, and, where
+//! there is one, `evaluator.onnx` on where the flow ended.
 
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
-use ort::session::Session;
-use ort::session::builder::GraphOptimizationLevel;
-use ort::value::{Tensor, TensorElementType, ValueType};
 use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
 use shakedown_objects::{NormalisedSdf, Object, Probe, SdfGrid};
 
 use crate::card::{Centring, ModelCard, ModelError};
 use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, step};
+use crate::graph::{Graph, Input};
 use crate::runtime::{Runtime, runtime};
 use crate::seed;
 use crate::vet::vet;
@@ -24,12 +23,36 @@ const BATCH: usize = 256;
 const MEASURED_OBJECTS: usize = 1;
 const MEASURED_SAMPLES: usize = 64;
 
-/// What the velocity network wants besides pose, time and latent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Extras {
+/// Which of the inputs that describe samples a graph wants.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Wants {
+    latent: bool,
+    rotation: bool,
+    translation: bool,
+    time: bool,
     sdf: bool,
     scale: bool,
     sdf_at_points: bool,
+}
+
+impl Wants {
+    fn of(graph: &Graph) -> Self {
+        Self {
+            latent: graph.has_input("latent"),
+            rotation: graph.has_input("rotation"),
+            translation: graph.has_input("translation"),
+            time: graph.has_input("time"),
+            sdf: graph.has_input("sdf"),
+            scale: graph.has_input("scale"),
+            sdf_at_points: graph.has_input("sdf_at_points"),
+        }
+    }
+}
+
+/// A graph that looks at samples: velocity or evaluator.
+struct SampleGraph {
+    graph: Graph,
+    wants: Wants,
 }
 
 /// Where a grasp came from and where it ended.
@@ -42,6 +65,16 @@ pub struct FlowPath {
     pub object_from_hand: Isometry3<f64>,
 }
 
+/// How grasps are drawn; what is `None` stands in the card.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct DrawSettings {
+    /// Steps from noise to grasp.
+    pub steps: Option<usize>,
+    /// How often a grasp that the evaluator does not believe in is drawn anew at most; 0 asks it for
+    /// scores alone.
+    pub redraws: Option<usize>,
+}
+
 /// A loaded and checked model.
 pub struct FlowModel {
     /// Its card.
@@ -51,17 +84,23 @@ pub struct FlowModel {
     /// The engine that runs it.
     pub runtime: Runtime,
     frame: HandFrame,
-    encoder: Session,
-    velocity: Session,
-    velocity_path: PathBuf,
-    encoder_path: PathBuf,
-    latent: usize,
-    extras: Extras,
+    encoder: Graph,
+    velocity: SampleGraph,
+    evaluator: Option<SampleGraph>,
     probe: Probe,
 }
 
+/// One object as the model sees it.
+struct Seen {
+    sdf: NormalisedSdf,
+    latent: Vec<f32>,
+    /// From the object's axes to those of the grid.
+    axes: UnitQuaternion<f64>,
+}
+
 impl FlowModel {
-    /// Loads `directory/{model.toml, encoder.onnx, velocity.onnx}`; see [`FlowModel::open`].
+    /// Loads `directory/{model.toml, encoder.onnx, velocity.onnx}`, and `evaluator.onnx` if the card
+    /// speaks of one; see [`FlowModel::open`].
     ///
     /// # Errors
     /// Says which file and which tensor is wrong, and what was expected.
@@ -76,79 +115,65 @@ impl FlowModel {
     /// Says which file and which tensor is wrong, and what was expected.
     pub fn open(files: &ModelFiles, ort: Option<&Path>) -> Result<Self, ModelError> {
         let card = files.parsed_card()?;
-        let directory = &files.place;
-        let toml = directory.join("model.toml");
+        let toml = files.place.join("model.toml");
         let frame: HandFrame = card
             .frame
             .parse()
             .map_err(|e: String| ModelError::bad(&toml, format!("frame: {e}")))?;
-        let encoder_path = directory.join("encoder.onnx");
-        let velocity_path = directory.join("velocity.onnx");
-        vet_files(files, &card, [&encoder_path, &velocity_path], ort)?;
-        let (runtime, encoder) = session(&encoder_path, &files.encoder, ort)?;
-        let (_, velocity) = session(&velocity_path, &files.velocity, ort)?;
+        let path = |name: &str| files.place.join(name);
+        vet_files(files, &card, ort)?;
+        let encoder = Graph::open(&path("encoder.onnx"), &files.encoder, ort)?;
         let d = card.resolution as i64;
-        let check = Check {
-            path: &encoder_path,
-            session: &encoder,
-        };
-        check.names(&["sdf", "scale"], &[], &["latent"])?;
-        check.input("sdf", &[-1, 1, d, d, d])?;
-        check.input("scale", &[-1, 1])?;
-        let latent = check.output_width("latent")?;
-        let check = Check {
-            path: &velocity_path,
-            session: &velocity,
-        };
-        let optional = ["sdf", "scale", "sdf_at_points"];
-        check.names(
+        encoder.names(&["sdf", "scale"], &[], &["latent"])?;
+        encoder.input("sdf", &[-1, 1, d, d, d])?;
+        encoder.input("scale", &[-1, 1])?;
+        encoder.output_width("latent")?;
+        let velocity = Graph::open(&path("velocity.onnx"), &files.velocity, ort)?;
+        velocity.names(
             &["latent", "rotation", "translation", "time"],
-            &optional,
+            &["sdf", "scale", "sdf_at_points"],
             &["rotation_velocity", "translation_velocity"],
         )?;
-        check.input("rotation", &[-1, 3, 3])?;
-        check.input("translation", &[-1, 3])?;
-        check.input("time", &[-1, 1])?;
-        let has = |name: &str| velocity.inputs().iter().any(|i| i.name() == name);
-        let extras = Extras {
-            sdf: has("sdf"),
-            scale: has("scale"),
-            sdf_at_points: has("sdf_at_points"),
-        };
-        if extras.sdf {
-            check.input("sdf", &[-1, 1, d, d, d])?;
-        }
-        if extras.sdf_at_points {
-            if card.control_points_m.is_empty() {
-                let what = "`sdf_at_points` is wanted, but model.toml names no control_points_m";
-                return Err(check.bad(what.into()));
+        let velocity = SampleGraph::new(velocity, &card)?;
+        let evaluator = match (&card.evaluator, &files.evaluator) {
+            (Some(_), Some(bytes)) => {
+                let graph = Graph::open(&path("evaluator.onnx"), bytes, ort)?;
+                let optional = [
+                    "latent",
+                    "rotation",
+                    "translation",
+                    "sdf",
+                    "scale",
+                    "sdf_at_points",
+                ];
+                graph.names(&[], &optional, &["score"])?;
+                Some(SampleGraph::new(graph, &card)?)
             }
-            check.input("sdf_at_points", &[-1, card.control_points_m.len() as i64])?;
-        }
-        let hash = files.hash();
+            (Some(_), None) => {
+                let what = "the file is missing, but model.toml has a table [evaluator]";
+                return Err(ModelError::bad(&path("evaluator.onnx"), what));
+            }
+            (None, _) => None,
+        };
         let mut model = Self {
             probe: Probe::new(&card.control_points_m),
+            hash: files.hash(),
+            runtime: encoder.runtime.clone(),
             card,
-            hash,
-            runtime,
             frame,
             encoder,
             velocity,
-            velocity_path,
-            encoder_path,
-            latent: latent.unwrap_or(0),
-            extras,
+            evaluator,
         };
         // A trial run settles what the declared shapes leave open, before any real work.
         let grid = vec![0.5f32; model.card.resolution.pow(3)];
-        let bound = model.bind(&grid, 1.0, None)?;
-        model.latent = bound.len();
+        model.encode(&grid, 1.0, None)?;
         Ok(model)
     }
 
-    /// Draws `count` grasps of an object for the hand, numbers `first..first + count`.
-    ///
-    /// `steps` overrides the card's number of steps.
+    /// Draws `count` grasps of an object for the hand, numbers `first..first + count`. With an evaluator
+    /// each has its score, and one whose score is below the card's `least_score` is drawn anew, until one
+    /// is not or the redraws are used up; then the best of them is taken.
     ///
     /// # Errors
     /// A network that fails or returns non-finite numbers.
@@ -158,17 +183,49 @@ impl FlowModel {
         gripper: &Gripper,
         count: u64,
         run_seed: u64,
-        steps: Option<usize>,
+        settings: DrawSettings,
     ) -> Result<Vec<Grasp>, ModelError> {
-        let pairs = self.paths(object, gripper, count, run_seed, steps)?;
-        Ok(pairs
-            .into_iter()
-            .enumerate()
-            .map(|(i, path)| Grasp::new(i as u64, path.object_from_hand))
-            .collect())
+        let seen = self.look(object)?;
+        let steps = settings.steps.unwrap_or(self.card.steps);
+        let mut open: Vec<u64> = (0..count).collect();
+        let mut best: Vec<(FlowSample, f32)> = Vec::with_capacity(open.len());
+        let (least_score, redraws) = match &self.card.evaluator {
+            Some(e) => (e.least_score as f32, settings.redraws.unwrap_or(e.redraws)),
+            None => (0.0, 0),
+        };
+        for attempt in 0..=redraws {
+            let mut samples = self.noise(object, gripper, &open, run_seed, attempt);
+            let mut field = Bound {
+                model: self,
+                seen: &seen,
+            };
+            for k in 0..steps {
+                field.step(&mut samples, k, steps)?;
+            }
+            let scores = self.scores(&samples, &seen)?;
+            for (i, (sample, score)) in samples.into_iter().zip(scores).enumerate() {
+                if attempt == 0 {
+                    best.push((sample, score));
+                } else if score > best[open[i] as usize].1 {
+                    best[open[i] as usize] = (sample, score);
+                }
+            }
+            open.retain(|&i| best[i as usize].1 < least_score);
+            if open.is_empty() {
+                break;
+            }
+        }
+        let has_scores = self.evaluator.is_some();
+        let grasps = best.iter().zip(0..).map(|((sample, score), i)| {
+            let pose = self.grasp(sample, &seen, gripper);
+            let mut grasp = Grasp::new(i, pose);
+            grasp.score = has_scores.then_some(f64::from(*score));
+            grasp
+        });
+        Ok(grasps.collect())
     }
 
-    /// As [`FlowModel::sample`], with the pose before and after every step.
+    /// Draws without the evaluator, with the pose before and after every step.
     ///
     /// # Errors
     /// A network that fails or returns non-finite numbers.
@@ -180,6 +237,32 @@ impl FlowModel {
         run_seed: u64,
         steps: Option<usize>,
     ) -> Result<Vec<FlowPath>, ModelError> {
+        let seen = self.look(object)?;
+        let numbers: Vec<u64> = (0..count).collect();
+        let mut samples = self.noise(object, gripper, &numbers, run_seed, 0);
+        let steps = steps.unwrap_or(self.card.steps);
+        let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
+        let mut field = Bound {
+            model: self,
+            seen: &seen,
+        };
+        for k in 0..steps {
+            field.step(&mut samples, k, steps)?;
+            for (path, sample) in states.iter_mut().zip(&samples) {
+                path.push(*sample);
+            }
+        }
+        Ok(states
+            .into_iter()
+            .map(|states| FlowPath {
+                object_from_hand: self.grasp(&states[steps], &seen, gripper),
+                states,
+            })
+            .collect())
+    }
+
+    /// The object in the axes that the card asks for, as grid and latent.
+    fn look(&mut self, object: &Object) -> Result<Seen, ModelError> {
         let axes = match self.card.centring {
             Centring::BoxCentre => UnitQuaternion::identity(),
             Centring::SnugBox => object.snug_axes(),
@@ -188,69 +271,179 @@ impl FlowModel {
         let surface = &turned.as_ref().unwrap_or(object).surface;
         let grid = SdfGrid::bake(surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
-        let latent = self.bind(&sdf.values, sdf.scale_m, Some(&object.id))?;
-        let mut samples: Vec<FlowSample> = (0..count)
-            .map(|index| {
-                let mut rng = seed::stream(run_seed, "flow-v1", &object.id, &gripper.name, index);
-                FlowSample {
-                    rotation: seed::uniform_rotation(&mut rng),
-                    translation: seed::normal_vector(&mut rng) * self.card.noise_translation_std,
-                }
-            })
-            .collect();
-        let (steps, integrator) = (steps.unwrap_or(self.card.steps), self.card.integrator);
-        let frame = self.frame;
-        let mut field = Bound {
-            model: self,
-            latent,
-            sdf: &sdf,
+        let latent = self.encode(&sdf.values, sdf.scale_m, Some(&object.id))?;
+        Ok(Seen { sdf, latent, axes })
+    }
+
+    /// Where the flow begins: each number and attempt has a stream of its own.
+    fn noise(
+        &self,
+        object: &Object,
+        gripper: &Gripper,
+        numbers: &[u64],
+        run_seed: u64,
+        attempt: usize,
+    ) -> Vec<FlowSample> {
+        let purpose = match attempt {
+            0 => "flow-v1".to_owned(),
+            n => format!("flow-v1, redraw {n}"),
         };
-        let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
-        for k in 0..steps {
-            step(&mut field, &mut samples, k, steps, integrator, BATCH)?;
-            for (path, sample) in states.iter_mut().zip(&samples) {
-                path.push(*sample);
+        let one = |index: &u64| {
+            let mut rng = seed::stream(run_seed, &purpose, &object.id, &gripper.name, *index);
+            FlowSample {
+                rotation: seed::uniform_rotation(&mut rng),
+                translation: seed::normal_vector(&mut rng) * self.card.noise_translation_std,
             }
+        };
+        numbers.iter().map(one).collect()
+    }
+
+    /// What the evaluator believes; all certain where there is none.
+    fn scores(&mut self, samples: &[FlowSample], seen: &Seen) -> Result<Vec<f32>, ModelError> {
+        let Some(evaluator) = &mut self.evaluator else {
+            return Ok(vec![1.0; samples.len()]);
+        };
+        let mut scores = Vec::with_capacity(samples.len());
+        for chunk in samples.chunks(BATCH) {
+            let inputs = evaluator.inputs(chunk, seen, &self.probe, None)?;
+            let [score] = evaluator.graph.run(inputs, ["score"], None)?;
+            if score.len() != chunk.len() {
+                let what = format!(
+                    "score has {} numbers for a batch of {}",
+                    score.len(),
+                    chunk.len()
+                );
+                return Err(evaluator.graph.bad(what));
+            }
+            scores.extend(score);
         }
-        Ok(states
-            .into_iter()
-            .map(|states| {
-                let end = states[steps];
-                let translation = sdf.centre_m.coords + end.translation * sdf.scale_m;
-                let pose = Isometry3::from_parts(Translation3::from(translation), end.rotation);
-                FlowPath {
-                    states,
-                    object_from_hand: axes.inverse() * frame.to_hand(&pose, gripper.tcp_z_m),
-                }
-            })
-            .collect())
+        Ok(scores)
+    }
+
+    /// A sample as a grasp in the object's frame.
+    fn grasp(&self, sample: &FlowSample, seen: &Seen, gripper: &Gripper) -> Isometry3<f64> {
+        let sdf = &seen.sdf;
+        let translation = sdf.centre_m.coords + sample.translation * sdf.scale_m;
+        let pose = Isometry3::from_parts(Translation3::from(translation), sample.rotation);
+        seen.axes.inverse() * self.frame.to_hand(&pose, gripper.tcp_z_m)
     }
 
     /// Encodes a normalised grid.
-    fn bind(
+    fn encode(
         &mut self,
         sdf: &[f32],
         scale_m: f64,
         object: Option<&str>,
     ) -> Result<Vec<f32>, ModelError> {
         let d = self.card.resolution as i64;
-        let path = self.encoder_path.clone();
+        let graph = &mut self.encoder;
         let inputs = vec![
-            ("sdf", tensor(&path, vec![1, 1, d, d, d], sdf.to_vec())?),
-            ("scale", tensor(&path, vec![1, 1], vec![scale_m as f32])?),
+            graph.tensor("sdf", vec![1, 1, d, d, d], sdf.to_vec())?,
+            graph.tensor("scale", vec![1, 1], vec![scale_m as f32])?,
         ];
-        let outputs = self.encoder.run(inputs).map_err(|e| failed(&path, &e))?;
-        let latent = extract(&path, &outputs, "latent")?;
-        finite(&path, "latent", &latent, object)?;
+        let [latent] = graph.run(inputs, ["latent"], object)?;
         Ok(latent)
+    }
+}
+
+impl SampleGraph {
+    /// Checks the shapes of the inputs that it wants.
+    fn new(graph: Graph, card: &ModelCard) -> Result<Self, ModelError> {
+        let wants = Wants::of(&graph);
+        let (d, points) = (card.resolution as i64, card.control_points_m.len() as i64);
+        if wants.rotation {
+            graph.input("rotation", &[-1, 3, 3])?;
+        }
+        if wants.translation {
+            graph.input("translation", &[-1, 3])?;
+        }
+        if wants.time {
+            graph.input("time", &[-1, 1])?;
+        }
+        if wants.sdf {
+            graph.input("sdf", &[-1, 1, d, d, d])?;
+        }
+        if wants.sdf_at_points {
+            if points == 0 {
+                let what = "`sdf_at_points` is wanted, but model.toml names no control_points_m";
+                return Err(graph.bad(what));
+            }
+            graph.input("sdf_at_points", &[-1, points])?;
+        }
+        Ok(Self { graph, wants })
+    }
+
+    /// What it wants to know of samples of one object.
+    fn inputs(
+        &self,
+        samples: &[FlowSample],
+        seen: &Seen,
+        probe: &Probe,
+        time: Option<f64>,
+    ) -> Result<Vec<Input>, ModelError> {
+        let Seen { sdf, latent, .. } = seen;
+        let (n, b) = (samples.len(), samples.len() as i64);
+        let mut inputs = Vec::new();
+        let mut put = |name, mut shape: Vec<i64>, data| {
+            shape.insert(0, b);
+            inputs.push(self.graph.tensor(name, shape, data)?);
+            Ok::<(), ModelError>(())
+        };
+        if self.wants.latent {
+            put("latent", vec![latent.len() as i64], latent.repeat(n))?;
+        }
+        if self.wants.rotation {
+            let rotations = samples.iter().flat_map(|s| {
+                let m = *s.rotation.to_rotation_matrix().matrix();
+                (0..9).map(move |k| m[(k / 3, k % 3)] as f32)
+            });
+            put("rotation", vec![3, 3], rotations.collect())?;
+        }
+        if self.wants.translation {
+            let translations = samples
+                .iter()
+                .flat_map(|s| s.translation.map(|x| x as f32).data.0[0]);
+            put("translation", vec![3], translations.collect())?;
+        }
+        if let Some(time) = time.filter(|_| self.wants.time) {
+            put("time", vec![1], vec![time as f32; n])?;
+        }
+        if self.wants.sdf {
+            let d = sdf.resolution as i64;
+            put("sdf", vec![1, d, d, d], sdf.values.repeat(n))?;
+        }
+        if self.wants.scale {
+            put("scale", vec![1], vec![sdf.scale_m as f32; n])?;
+        }
+        if self.wants.sdf_at_points {
+            let points = probe.len();
+            let mut values = vec![0.0; n * points];
+            for (s, out) in samples.iter().zip(values.chunks_mut(points)) {
+                let turn = (s.rotation.to_rotation_matrix().matrix() / sdf.scale_m).cast();
+                sdf.at_probe(probe, &turn, &s.translation.cast(), out);
+            }
+            put("sdf_at_points", vec![points as i64], values)?;
+        }
+        Ok(inputs)
     }
 }
 
 /// The velocity network with everything that belongs to one object.
 struct Bound<'a> {
     model: &'a mut FlowModel,
-    latent: Vec<f32>,
-    sdf: &'a NormalisedSdf,
+    seen: &'a Seen,
+}
+
+impl Bound<'_> {
+    fn step(
+        &mut self,
+        samples: &mut [FlowSample],
+        k: usize,
+        steps: usize,
+    ) -> Result<(), ModelError> {
+        let integrator = self.model.card.integrator;
+        step(self, samples, k, steps, integrator, BATCH)
+    }
 }
 
 impl VelocityField for Bound<'_> {
@@ -260,75 +453,19 @@ impl VelocityField for Bound<'_> {
         time: f64,
     ) -> Result<Vec<Velocity>, ModelError> {
         let n = samples.len();
-        let b = n as i64;
-        let path = self.model.velocity_path.clone();
-        let rotations = samples.iter().flat_map(|s| {
-            let m = *s.rotation.to_rotation_matrix().matrix();
-            (0..9).map(move |k| m[(k / 3, k % 3)] as f32)
-        });
-        let translations = samples
-            .iter()
-            .flat_map(|s| s.translation.map(|x| x as f32).data.0[0]);
-        let mut inputs = vec![
-            (
-                "latent",
-                tensor(
-                    &path,
-                    vec![b, self.latent.len() as i64],
-                    self.latent.repeat(n),
-                )?,
-            ),
-            (
-                "rotation",
-                tensor(&path, vec![b, 3, 3], rotations.collect())?,
-            ),
-            (
-                "translation",
-                tensor(&path, vec![b, 3], translations.collect())?,
-            ),
-            ("time", tensor(&path, vec![b, 1], vec![time as f32; n])?),
-        ];
-        let extras = self.model.extras;
-        if extras.sdf {
-            let d = self.model.card.resolution as i64;
-            inputs.push((
-                "sdf",
-                tensor(&path, vec![b, 1, d, d, d], self.sdf.values.repeat(n))?,
-            ));
-        }
-        if extras.scale {
-            inputs.push((
-                "scale",
-                tensor(&path, vec![b, 1], vec![self.sdf.scale_m as f32; n])?,
-            ));
-        }
-        if extras.sdf_at_points {
-            let points = self.model.probe.len();
-            let mut values = vec![0.0; n * points];
-            for (s, out) in samples.iter().zip(values.chunks_mut(points)) {
-                let turn = (s.rotation.to_rotation_matrix().matrix() / self.sdf.scale_m).cast();
-                let shift = s.translation.cast();
-                self.sdf.at_probe(&self.model.probe, &turn, &shift, out);
-            }
-            let shape = vec![b, points as i64];
-            inputs.push(("sdf_at_points", tensor(&path, shape, values)?));
-        }
-        let outputs = self
-            .model
-            .velocity
-            .run(inputs)
-            .map_err(|e| failed(&path, &e))?;
-        let rotation = extract(&path, &outputs, "rotation_velocity")?;
-        let translation = extract(&path, &outputs, "translation_velocity")?;
-        finite(&path, "rotation_velocity", &rotation, None)?;
-        finite(&path, "translation_velocity", &translation, None)?;
+        let FlowModel {
+            velocity, probe, ..
+        } = &mut *self.model;
+        let inputs = velocity.inputs(samples, self.seen, probe, Some(time))?;
+        let names = ["rotation_velocity", "translation_velocity"];
+        let [rotation, translation] = velocity.graph.run(inputs, names, None)?;
         if rotation.len() != 9 * n || translation.len() != 3 * n {
             let what = format!(
                 "rotation_velocity and translation_velocity have {} and {} numbers for a batch of {n}",
                 rotation.len(),
                 translation.len()
             );
-            return Err(ModelError::bad(&path, what));
+            return Err(velocity.graph.bad(what));
         }
         Ok((0..n)
             .map(|i| Velocity {
@@ -340,13 +477,10 @@ impl VelocityField for Bound<'_> {
 }
 
 /// Graphs from outside are tried where they can do no harm, if tract is to run them.
-fn vet_files(
-    files: &ModelFiles,
-    card: &ModelCard,
-    [encoder_path, velocity_path]: [&Path; 2],
-    ort: Option<&Path>,
-) -> Result<(), ModelError> {
-    let (runtime, _) = runtime(ort).map_err(|e| ModelError::bad(encoder_path, e))?;
+fn vet_files(files: &ModelFiles, card: &ModelCard, ort: Option<&Path>) -> Result<(), ModelError> {
+    let path = |name: &str| -> PathBuf { files.place.join(name) };
+    let encoder_path = path("encoder.onnx");
+    let (runtime, _) = runtime(ort).map_err(|e| ModelError::bad(&encoder_path, e))?;
     if files.is_built_in() || runtime.name != "tract" {
         return Ok(());
     }
@@ -357,141 +491,24 @@ fn vet_files(
         "scale" => Some(vec![1, 1]),
         _ => None,
     })
-    .map_err(|e| ModelError::bad(encoder_path, e))?;
-    // A batch of two, so that no dimension of one hides a wrong shape.
-    vet(&files.velocity, MEASURED_SAMPLES, |name| match name {
-        "latent" => Some(vec![2, latent?]),
-        "rotation" => Some(vec![2, 3, 3]),
-        "translation" => Some(vec![2, 3]),
-        "time" | "scale" => Some(vec![2, 1]),
-        "sdf" => Some(grid(2)),
-        "sdf_at_points" => Some(vec![2, card.control_points_m.len()]),
-        _ => None,
-    })
-    .map_err(|e| ModelError::bad(velocity_path, e))?;
+    .map_err(|e| ModelError::bad(&encoder_path, e))?;
+    let of_samples = [
+        ("velocity.onnx", Some(&files.velocity)),
+        ("evaluator.onnx", files.evaluator.as_ref()),
+    ];
+    for (name, bytes) in of_samples {
+        let Some(bytes) = bytes else { continue };
+        // A batch of two, so that no dimension of one hides a wrong shape.
+        vet(bytes, MEASURED_SAMPLES, |name| match name {
+            "latent" => Some(vec![2, latent?]),
+            "rotation" => Some(vec![2, 3, 3]),
+            "translation" => Some(vec![2, 3]),
+            "time" | "scale" => Some(vec![2, 1]),
+            "sdf" => Some(grid(2)),
+            "sdf_at_points" => Some(vec![2, card.control_points_m.len()]),
+            _ => None,
+        })
+        .map_err(|e| ModelError::bad(&path(name), e))?;
+    }
     Ok(())
-}
-
-fn session(
-    path: &Path,
-    bytes: &[u8],
-    ort: Option<&Path>,
-) -> Result<(Runtime, Session), ModelError> {
-    let (runtime, environment) = runtime(ort).map_err(|e| ModelError::bad(path, e))?;
-    let session = Session::builder(environment)
-        .map_err(|e| failed(path, &e))?
-        .with_optimization_level(GraphOptimizationLevel::All)
-        .map_err(|e| failed(path, &e))?
-        .with_intra_threads(1)
-        .map_err(|e| failed(path, &e))?
-        .commit_from_memory(bytes)
-        .map_err(|e| ModelError::bad(path, format!("not a usable ONNX graph: {e}")))?;
-    Ok((runtime.clone(), session))
-}
-
-fn failed(path: &Path, error: &impl std::fmt::Display) -> ModelError {
-    ModelError::bad(path, format!("the network fails: {error}"))
-}
-
-fn tensor(path: &Path, shape: Vec<i64>, data: Vec<f32>) -> Result<Tensor<f32>, ModelError> {
-    Tensor::from_array((shape, data)).map_err(|e| failed(path, &e))
-}
-
-fn extract(
-    path: &Path,
-    outputs: &ort::session::SessionOutputs<'_>,
-    name: &str,
-) -> Result<Vec<f32>, ModelError> {
-    let value = outputs
-        .get(name)
-        .ok_or_else(|| ModelError::bad(path, format!("there is no output `{name}`")))?;
-    value
-        .try_extract_tensor::<f32>()
-        .map(|(_, data)| data.to_vec())
-        .map_err(|e| ModelError::bad(path, format!("output `{name}`: {e}")))
-}
-
-fn finite(path: &Path, name: &str, values: &[f32], object: Option<&str>) -> Result<(), ModelError> {
-    if values.iter().all(|v| v.is_finite()) {
-        return Ok(());
-    }
-    let of = object
-        .map(|o| format!(" for object {o}"))
-        .unwrap_or_default();
-    Err(ModelError::bad(
-        path,
-        format!("output `{name}` is not finite{of}"),
-    ))
-}
-
-struct Check<'a> {
-    path: &'a Path,
-    session: &'a Session,
-}
-
-impl Check<'_> {
-    fn bad(&self, what: String) -> ModelError {
-        ModelError::bad(self.path, what)
-    }
-
-    fn names(
-        &self,
-        needed: &[&str],
-        optional: &[&str],
-        outputs: &[&str],
-    ) -> Result<(), ModelError> {
-        let inputs: Vec<&str> = self.session.inputs().iter().map(|i| i.name()).collect();
-        for name in needed {
-            if !inputs.contains(name) {
-                return Err(self.bad(format!("there is no input `{name}`; it has {inputs:?}")));
-            }
-        }
-        for name in &inputs {
-            if !needed.contains(name) && !optional.contains(name) {
-                return Err(self.bad(format!("nobody knows what to feed to input `{name}`")));
-            }
-        }
-        let found: Vec<&str> = self.session.outputs().iter().map(|o| o.name()).collect();
-        for name in outputs {
-            if !found.contains(name) {
-                return Err(self.bad(format!("there is no output `{name}`; it has {found:?}")));
-            }
-        }
-        Ok(())
-    }
-
-    /// Checks type and shape of an input; -1 is a dimension that may be anything.
-    fn input(&self, name: &str, expected: &[i64]) -> Result<(), ModelError> {
-        let outlet = self.session.inputs().iter().find(|i| i.name() == name);
-        let Some(ValueType::Tensor { ty, shape, .. }) = outlet.map(|o| o.dtype()) else {
-            return Err(self.bad(format!("input `{name}` is no tensor")));
-        };
-        if *ty != TensorElementType::Float32 {
-            return Err(self.bad(format!("input `{name}` is {ty:?}, not float32")));
-        }
-        let found: Vec<i64> = shape.iter().copied().collect();
-        let fits = found.len() == expected.len()
-            && found
-                .iter()
-                .zip(expected)
-                .all(|(f, e)| *f == -1 || *e == -1 || f == e);
-        if !fits {
-            return Err(self.bad(format!(
-                "input `{name}` has shape {found:?}, expected {expected:?} (-1: any)"
-            )));
-        }
-        if found.first().is_some_and(|b| *b != -1) {
-            return Err(self.bad(format!("input `{name}` has a fixed batch of {}", found[0])));
-        }
-        Ok(())
-    }
-
-    /// Width of a [B, L] output, if the graph declares it.
-    fn output_width(&self, name: &str) -> Result<Option<usize>, ModelError> {
-        let outlet = self.session.outputs().iter().find(|o| o.name() == name);
-        let Some(ValueType::Tensor { shape, .. }) = outlet.map(|o| o.dtype()) else {
-            return Err(self.bad(format!("output `{name}` is no tensor")));
-        };
-        Ok(shape.last().and_then(|&l| usize::try_from(l).ok()))
-    }
 }

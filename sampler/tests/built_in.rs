@@ -4,7 +4,7 @@
 
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
-use shakedown_sampler::{FlowModel, ModelFiles, built_in_names};
+use shakedown_sampler::{DrawSettings, FlowModel, ModelFiles, built_in_names};
 
 #[test]
 fn each_draws_grasps_whose_tcp_lies_at_the_object() {
@@ -13,13 +13,16 @@ fn each_draws_grasps_whose_tcp_lies_at_the_object() {
     let (low, high) = object.surface.mesh().bounds();
     for name in built_in_names() {
         let files = ModelFiles::find(name).unwrap();
-        let size = files.encoder.len() + files.velocity.len();
-        assert!(size <= 8 << 20, "{name}: {size} bytes");
+        let evaluator = files.evaluator.as_deref().map_or(0, <[u8]>::len);
+        let size = files.card.len() + files.encoder.len() + files.velocity.len() + evaluator;
+        assert!(size <= 8_000_000, "{name}: {size} bytes");
         let card = files.parsed_card().unwrap();
         assert_eq!(card.name, name);
         assert!(!card.licence.is_empty() && card.command.contains("shakedown train"));
         let mut model = FlowModel::open(&files, None).unwrap();
-        let grasps = model.sample(&object, &gripper, 64, 0, None).unwrap();
+        let grasps = model
+            .sample(&object, &gripper, 64, 0, DrawSettings::default())
+            .unwrap();
         let near = grasps
             .iter()
             .filter(|g| {
@@ -49,7 +52,14 @@ fn each_is_accepted_and_draws_the_same_when_it_comes_as_files_from_outside() {
         write("model.toml", files.card.as_bytes());
         write("encoder.onnx", &files.encoder);
         write("velocity.onnx", &files.velocity);
-        let draw = |mut model: FlowModel| model.sample(&object, &gripper, 3, 0, None).unwrap();
+        if let Some(evaluator) = &files.evaluator {
+            write("evaluator.onnx", evaluator);
+        }
+        let draw = |mut model: FlowModel| {
+            model
+                .sample(&object, &gripper, 3, 0, DrawSettings::default())
+                .unwrap()
+        };
         let outside = FlowModel::load(directory.path(), None).unwrap();
         let inside = FlowModel::open(&files, None).unwrap();
         assert_eq!(draw(outside), draw(inside), "{name}");

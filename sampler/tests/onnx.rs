@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
 use shakedown_objects::{Normalisation, SdfGrid};
-use shakedown_sampler::{FlowModel, seed};
+use shakedown_sampler::{DrawSettings, FlowModel, seed};
 
 const XI: [f32; 9] = [2.0, -0.7, -1.0, 0.7, 2.0, -0.5, 1.0, 0.5, 2.0];
 const TARGET: [f32; 3] = [0.2, -0.1, 0.4];
@@ -25,6 +25,13 @@ fn good(directory: &Path, extra: &str) {
         &spring_velocity(XI, TARGET, DRIFT),
         &directory.join("velocity.onnx"),
     );
+}
+
+fn in_steps(steps: Option<usize>) -> DrawSettings {
+    DrawSettings {
+        steps,
+        redraws: None,
+    }
 }
 
 #[test]
@@ -44,7 +51,9 @@ fn sampled_poses_equal_the_recurrence_and_approach_the_closed_form() {
         good(dir.path(), extra);
         let mut model = FlowModel::load(dir.path(), None).unwrap();
         let mut error = |steps: usize| {
-            let grasps = model.sample(&object, &gripper, 5, 3, Some(steps)).unwrap();
+            let grasps = model
+                .sample(&object, &gripper, 5, 3, in_steps(Some(steps)))
+                .unwrap();
             let mut worst = 0.0f64;
             for g in &grasps {
                 let mut rng = seed::stream(3, "flow-v1", &object.id, &gripper.name, g.index);
@@ -84,9 +93,66 @@ fn the_number_of_candidates_and_the_batch_do_not_change_a_candidate() {
     let gripper = Gripper::load("franka_panda").unwrap();
     let object = Family::Can.member(0).object().unwrap();
     let mut model = FlowModel::load(dir.path(), None).unwrap();
-    let many = model.sample(&object, &gripper, 300, 1, None).unwrap();
-    let few = model.sample(&object, &gripper, 7, 1, None).unwrap();
+    let many = model
+        .sample(&object, &gripper, 300, 1, in_steps(None))
+        .unwrap();
+    let few = model
+        .sample(&object, &gripper, 7, 1, in_steps(None))
+        .unwrap();
     assert_eq!(many[..7], few[..]);
+}
+
+/// The flow stands still, so a grasp ends where its noise began, and the evaluator's score is a known
+/// function of that: which attempt each number takes can be told from the streams.
+#[test]
+fn a_grasp_below_the_least_score_is_drawn_anew_and_the_best_attempt_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let extra = "evaluator = { least_score = 0.7, redraws = 3 }\n";
+    card(dir.path(), 9, 1, extra);
+    save(&small_encoder(9), &dir.path().join("encoder.onnx"));
+    save(&still_velocity(), &dir.path().join("velocity.onnx"));
+    save(&x_evaluator(), &dir.path().join("evaluator.onnx"));
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Can.member(0).object().unwrap();
+    let mut model = FlowModel::load(dir.path(), None).unwrap();
+    let drawn = model.sample(&object, &gripper, 300, 5, DrawSettings::default());
+    let drawn = drawn.unwrap();
+    let score = |purpose: &str, index: u64| {
+        let mut rng = seed::stream(5, purpose, &object.id, &gripper.name, index);
+        let _ = seed::uniform_rotation(&mut rng);
+        let x = seed::normal_vector(&mut rng).x;
+        1.0 / (1.0 + (-x).exp())
+    };
+    let purposes = [
+        "flow-v1",
+        "flow-v1, redraw 1",
+        "flow-v1, redraw 2",
+        "flow-v1, redraw 3",
+    ];
+    let mut ended = [0; 5];
+    for grasp in &drawn {
+        let scores = purposes.map(|p| score(p, grasp.index));
+        let first = scores.iter().position(|s| *s >= 0.7);
+        let expected = match first {
+            Some(k) => scores[k],
+            None => scores.into_iter().fold(0.0, f64::max),
+        };
+        assert!((grasp.score.unwrap() - expected).abs() < 1e-6, "{grasp:?}");
+        ended[first.unwrap_or(4)] += 1;
+    }
+    // 0.7 is at 0.85 standard deviations: a fifth at once, two fifths never.
+    assert!(ended.iter().all(|n| *n > 10), "{ended:?}");
+    let few = model.sample(&object, &gripper, 7, 5, DrawSettings::default());
+    assert_eq!(few.unwrap()[..], drawn[..7]);
+    let none = DrawSettings {
+        redraws: Some(0),
+        ..DrawSettings::default()
+    };
+    let all = model.sample(&object, &gripper, 300, 5, none).unwrap();
+    for grasp in all {
+        let expected = score("flow-v1", grasp.index);
+        assert!((grasp.score.unwrap() - expected).abs() < 1e-6);
+    }
 }
 
 #[test]
@@ -121,6 +187,35 @@ fn every_defect_of_a_model_names_file_and_tensor() {
         "`sdf`",
     );
     check(&|| card(path, 9, 0, ""), "model.toml", "steps");
+    let judged = |least: f64, redraws: usize| {
+        let extra = format!("evaluator = {{ least_score = {least}, redraws = {redraws} }}\n");
+        card(path, 9, 5, &extra);
+    };
+    check(&|| judged(1.5, 2), "model.toml", "least_score");
+    check(&|| judged(0.5, 5000), "model.toml", "redraws");
+    check(&|| judged(0.5, 2), "evaluator.onnx", "missing");
+    let judged_by = |change: &dyn Fn(&mut tract_onnx::pb::GraphProto)| {
+        judged(0.5, 2);
+        let mut m = x_evaluator();
+        change(m.graph.as_mut().unwrap());
+        write(&m, "evaluator.onnx");
+    };
+    check(
+        &|| judged_by(&|g| g.input.push(value("time", FLOAT, &[-1, 1]))),
+        "evaluator.onnx",
+        "`time`",
+    );
+    check(
+        &|| {
+            judged_by(&|g| {
+                g.output[0].name = "belief".into();
+                g.node.last_mut().unwrap().output[0] = "belief".into();
+            });
+        },
+        "evaluator.onnx",
+        "`score`",
+    );
+    std::fs::remove_file(path.join("evaluator.onnx")).unwrap();
     check(&|| card(path, 9, 5, "colour = 1\n"), "model.toml", "colour");
     check(
         &|| card(path, 9, 5, "frame = 'acronym'\n"),
@@ -181,7 +276,7 @@ fn a_network_that_returns_nan_is_an_error_not_a_grasp() {
     let object = Family::Can.member(0).object().unwrap();
     let mut model = FlowModel::load(dir.path(), None).unwrap();
     let e = model
-        .sample(&object, &gripper, 2, 0, None)
+        .sample(&object, &gripper, 2, 0, in_steps(None))
         .unwrap_err()
         .to_string();
     assert!(

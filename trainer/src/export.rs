@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use shakedown_sampler::ModelCard;
+use shakedown_sampler::{ModelCard, ModelFiles};
 
 use crate::checkpoint::replace;
 use crate::conv::KERNEL;
@@ -57,6 +57,25 @@ pub fn export(
     write("model.toml", text.as_bytes())
 }
 
+/// Writes a model anew into `directory`, with an evaluator.
+///
+/// # Errors
+/// A disk that cannot be written; files there before stay whole.
+pub fn add_evaluator(
+    directory: &Path,
+    model: &ModelFiles,
+    card: &ModelCard,
+    parameters: &[Parameter],
+) -> Result<(), TrainError> {
+    fs::create_dir_all(directory).map_err(|e| TrainError::io("write", directory, e))?;
+    let write = |name: &str, bytes: &[u8]| replace(&directory.join(name), |p| fs::write(p, bytes));
+    write("encoder.onnx", &model.encoder)?;
+    write("velocity.onnx", &model.velocity)?;
+    write("evaluator.onnx", &evaluator(parameters))?;
+    let text = toml::to_string(card).expect("plain data");
+    write("model.toml", text.as_bytes())
+}
+
 fn card(preset: &Preset, provenance: &Provenance) -> ModelCard {
     let flow = &preset.flow;
     ModelCard {
@@ -79,6 +98,7 @@ fn card(preset: &Preset, provenance: &Provenance) -> ModelCard {
         } else {
             Vec::new()
         },
+        evaluator: None,
         metrics: provenance.metrics.clone(),
     }
 }
@@ -220,20 +240,7 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
     let mut parts = Vec::new();
     let mut scale_in_units = String::new();
     if network.hand_frame {
-        let scale = g.input("scale", &[ANY, n(1)]);
-        let points = features::control_points_m().len();
-        let sdf = g.input("sdf_at_points", &[ANY, n(points)]);
-        for w in DISTANCE_WIDTHS_M {
-            let widths = scaled(&mut g, &scale, 1.0 / w);
-            let x = g.node("Mul", &[&sdf, &widths]);
-            parts.push(g.node("Tanh", &[&x]));
-        }
-        scale_in_units = scaled(&mut g, &scale, 1.0 / LENGTH_UNIT_M);
-        // R^T t: column sums of R times t.
-        let column = reshaped(&mut g, &translation, &[-1, 3, 1]);
-        let centre = summed_product(&mut g, &rotation, &column, 1);
-        parts.push(g.node("Mul", &[&centre, &scale_in_units]));
-        parts.push(g.node("Log", &[&scale_in_units]));
+        (parts, scale_in_units) = from_the_hand(&mut g, &rotation, &translation);
     } else {
         parts.push(reshaped(&mut g, &rotation, &[-1, 9]));
         parts.push(translation);
@@ -250,13 +257,7 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
     parts.push(latent);
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
     let x = concat(&mut g, &parts);
-    let x = weights.linear(&mut g, "velocity.layer0", &x);
-    let mut x = silu(&mut g, &x);
-    for i in 1..network.layers {
-        let y = weights.linear(&mut g, &format!("velocity.layer{i}"), &x);
-        let y = silu(&mut g, &y);
-        x = g.node("Add", &[&x, &y]);
-    }
+    let x = hidden(&mut g, &weights, "velocity", network.layers, &x);
     let raw = weights.linear(&mut g, "velocity.out", &x);
     let xi = columns(&mut g, &raw, 0, 9);
     let xi = reshaped(&mut g, &xi, &[-1, 3, 3]);
@@ -269,6 +270,54 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
     g.output("rotation_velocity", &xi, &[ANY, n(3), n(3)]);
     g.output("translation_velocity", &v, &[ANY, n(3)]);
     g.finish("velocity")
+}
+
+/// What a network sees of a pose from the hand, and the scale in units of the network.
+fn from_the_hand(g: &mut Graph, rotation: &str, translation: &str) -> (Vec<String>, String) {
+    let mut parts = Vec::new();
+    let scale = g.input("scale", &[ANY, n(1)]);
+    let points = features::control_points_m().len();
+    let sdf = g.input("sdf_at_points", &[ANY, n(points)]);
+    for w in DISTANCE_WIDTHS_M {
+        let widths = scaled(g, &scale, 1.0 / w);
+        let x = g.node("Mul", &[&sdf, &widths]);
+        parts.push(g.node("Tanh", &[&x]));
+    }
+    let scale_in_units = scaled(g, &scale, 1.0 / LENGTH_UNIT_M);
+    // R^T t: column sums of R times t.
+    let column = reshaped(g, translation, &[-1, 3, 1]);
+    let centre = summed_product(g, rotation, &column, 1);
+    parts.push(g.node("Mul", &[&centre, &scale_in_units]));
+    parts.push(g.node("Log", &[&scale_in_units]));
+    (parts, scale_in_units)
+}
+
+/// `evaluator.onnx`: the probability that a grasp holds.
+fn evaluator(parameters: &[Parameter]) -> Vec<u8> {
+    let weights = Weights(parameters);
+    let mut g = Graph::default();
+    let rotation = g.input("rotation", &[ANY, n(3), n(3)]);
+    let translation = g.input("translation", &[ANY, n(3)]);
+    let (parts, _) = from_the_hand(&mut g, &rotation, &translation);
+    let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+    let x = concat(&mut g, &parts);
+    let x = hidden(&mut g, &weights, "evaluator", parameters.len() / 2 - 1, &x);
+    let logit = weights.linear(&mut g, "evaluator.out", &x);
+    let score = g.node("Sigmoid", &[&logit]);
+    g.output("score", &score, &[ANY, n(1)]);
+    g.finish("evaluator")
+}
+
+/// Hidden layers; all but the first add to their input.
+fn hidden(g: &mut Graph, weights: &Weights<'_>, name: &str, layers: usize, x: &str) -> String {
+    let x = weights.linear(g, &format!("{name}.layer0"), x);
+    let mut x = silu(g, &x);
+    for i in 1..layers {
+        let y = weights.linear(g, &format!("{name}.layer{i}"), &x);
+        let y = silu(g, &y);
+        x = g.node("Add", &[&x, &y]);
+    }
+    x
 }
 
 fn reshaped(g: &mut Graph, x: &str, shape: &[i64]) -> String {

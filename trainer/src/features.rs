@@ -75,13 +75,17 @@ pub fn control_points_m() -> Vec<[f64; 3]> {
     points
 }
 
+/// How many numbers describe a time; they come last.
+pub const TIMES: usize = 1 + 2 * TIME_FREQUENCIES.len();
+
 /// How many numbers describe one pose and time.
 pub fn count(network: &NetworkPreset) -> usize {
-    if network.hand_frame {
-        2 * control_points_m().len() + 3 + 1 + 1 + 2 * TIME_FREQUENCIES.len()
+    let pose = if network.hand_frame {
+        DISTANCE_WIDTHS_M.len() * control_points_m().len() + 3 + 1
     } else {
-        9 + 3 + 1 + 2 * TIME_FREQUENCIES.len()
-    }
+        9 + 3
+    };
+    pose + TIMES
 }
 
 /// Writes the features of a pose (normalised frame) at a time into `out`; `probe` holds the

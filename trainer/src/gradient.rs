@@ -6,7 +6,7 @@
 use crate::batch::Batch;
 use crate::conv::Neighbourhoods;
 use crate::features::{self, LENGTH_UNIT_M};
-use crate::layer::{Layer, add_rows, linear, linear_back};
+use crate::layer::{Layer, add_rows, linear, linear_back, through};
 use crate::network::{CHANNELS, OUTPUTS, Parameter};
 use crate::preset::{Encoder, Preset};
 use crate::product::{Matrix, MatrixMut};
@@ -212,18 +212,6 @@ impl<'a> Network<'a> {
             }
         }
     }
-}
-
-/// Gradient by the input of a linear layer, from that by its output.
-fn through(gradient: &[f32], weight: &Parameter, out: &mut Vec<f32>) {
-    let [outputs, inputs] = weight.shape[..] else {
-        unreachable!("weights are matrices")
-    };
-    out.resize(gradient.len() / outputs * inputs, 0.0);
-    MatrixMut::new(out, inputs).set_product(
-        Matrix::new(gradient, outputs),
-        Matrix::new(&weight.values, inputs),
-    );
 }
 
 /// Losses of raw velocities `[B, 12]` against targets `[B, 6]` (body-frame angular velocity, translation

@@ -58,6 +58,18 @@ pub fn linear_back(x: &[f32], gradient: &[f32], by: &mut [Vec<f32>]) {
     add_rows(gradient, &mut by[1]);
 }
 
+/// Gradient by the input of a linear layer, from that by its output.
+pub fn through(gradient: &[f32], weight: &Parameter, out: &mut Vec<f32>) {
+    let [outputs, inputs] = weight.shape[..] else {
+        unreachable!("weights are matrices")
+    };
+    out.resize(gradient.len() / outputs * inputs, 0.0);
+    MatrixMut::new(out, inputs).set_product(
+        Matrix::new(gradient, outputs),
+        Matrix::new(&weight.values, inputs),
+    );
+}
+
 /// Adds every row to `sum`.
 pub fn add_rows(rows: &[f32], sum: &mut [f32]) {
     for row in rows.chunks(sum.len()) {

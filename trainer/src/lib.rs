@@ -6,6 +6,8 @@
 //! [`product`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
 //! checkpoints and a log -> graphs ([`export`], [`onnx`]).
 //!
+//! A second network ([`evaluator`]) judges the grasps that a trained flow draws.
+//!
 //! The method is that of RFMGrasp; where it is silent or contradicts itself, the presets say what
 //! was chosen.
 
@@ -16,6 +18,7 @@ pub mod checkpoint;
 pub mod conv;
 pub mod data;
 pub mod error;
+pub mod evaluator;
 pub mod export;
 pub mod features;
 pub mod gradient;

@@ -62,29 +62,29 @@ pub fn layout(preset: &Preset) -> Vec<(String, Vec<usize>)> {
 pub fn initial(preset: &Preset, run_seed: u64) -> Vec<Parameter> {
     layout(preset)
         .into_iter()
-        .map(|(name, shape)| {
-            let mut rng = seed::stream(run_seed, "weights-v1", &name, "", 0);
-            let len = shape.iter().product();
-            let values = if shape.len() == 1 {
-                vec![0.0; len]
-            } else {
-                // Uniform within sqrt(6 / inputs) keeps the variance through a rectifier
-                // (K. He et al., ICCV 2015).
-                let gain: f32 = if name == "velocity.out.weight" {
-                    0.1
-                } else {
-                    2.45
-                };
-                let bound = gain / (shape[1] as f32).sqrt();
-                (0..len)
-                    .map(|_| bound * (2.0 * rng.random::<f32>() - 1.0))
-                    .collect()
-            };
-            Parameter {
-                name,
-                shape,
-                values,
-            }
-        })
+        .map(|(name, shape)| drawn(name, shape, run_seed))
         .collect()
+}
+
+/// A fresh parameter, by seed and name.
+pub(crate) fn drawn(name: String, shape: Vec<usize>, run_seed: u64) -> Parameter {
+    let mut rng = seed::stream(run_seed, "weights-v1", &name, "", 0);
+    let len = shape.iter().product();
+    let values = if shape.len() == 1 {
+        vec![0.0; len]
+    } else {
+        // Uniform within sqrt(6 / inputs) keeps the variance through a rectifier
+        // (K. He et al., ICCV 2015).
+        let is_last = ["velocity.out.weight", "evaluator.out.weight"].contains(&name.as_str());
+        let gain: f32 = if is_last { 0.1 } else { 2.45 };
+        let bound = gain / (shape[1] as f32).sqrt();
+        (0..len)
+            .map(|_| bound * (2.0 * rng.random::<f32>() - 1.0))
+            .collect()
+    };
+    Parameter {
+        name,
+        shape,
+        values,
+    }
 }

@@ -10,9 +10,12 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
 use shakedown_objects::{Object, Probe};
-use shakedown_sampler::{AntipodalSettings, FlowModel, sample_antipodal};
+use shakedown_sampler::{
+    AntipodalSettings, DrawSettings, EvaluatorCard, FlowModel, ModelFiles, sample_antipodal,
+};
 use shakedown_trainer::batch::{Batch, Batches};
-use shakedown_trainer::export::{Provenance, export};
+use shakedown_trainer::evaluator::{self, Evaluator, EvaluatorPreset};
+use shakedown_trainer::export::{Provenance, add_evaluator, export};
 use shakedown_trainer::gradient::Network;
 use shakedown_trainer::history::Entry;
 use shakedown_trainer::network::initial;
@@ -159,6 +162,57 @@ fn the_exported_graphs_are_the_network() {
                 "{name}: {way} {v}"
             );
         }
+    }
+}
+
+/// The score of an exported evaluator is the sigmoid of the network's logit.
+#[test]
+fn the_exported_evaluator_is_the_network() {
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let flow = small("best");
+    let out = dir.path().join("flow");
+    export(&out, &flow, &initial(&flow, 1), &provenance()).unwrap();
+    let files = ModelFiles::read(&out).unwrap();
+    let mut card = files.parsed_card().unwrap();
+    card.evaluator = Some(EvaluatorCard {
+        least_score: 0.5,
+        redraws: 0,
+    });
+    let mut preset = EvaluatorPreset::built_in();
+    preset.width = 24;
+    let mut parameters = evaluator::initial(&flow, &preset, 2);
+    for p in &mut parameters {
+        for (i, v) in p.values.iter_mut().enumerate() {
+            *v += 0.01 * ((i * 7919) % 13) as f32 - 0.06;
+        }
+    }
+    let judged = dir.path().join("judged");
+    add_evaluator(&judged, &files, &card, &parameters).unwrap();
+    let mut model = FlowModel::load(&judged, None).unwrap();
+    let object = object(Family::Mug);
+    let object = object.turned(&object.snug_axes());
+    let settings = DrawSettings::default();
+    let grasps = model.sample(&object, &gripper, 6, 4, settings).unwrap();
+    let own = TrainingObject::new("mug", &object.surface, &grasps, gripper.tcp_z_m, &flow);
+    let own = own.unwrap();
+    let probe = Probe::new(&features::control_points_m());
+    let mut seen = Vec::new();
+    evaluator::look(
+        &flow,
+        &probe,
+        &own.sdf,
+        own.poses.iter().copied(),
+        &mut seen,
+    );
+    let mut network = Evaluator::default();
+    let logits = network.forward(&parameters, &seen);
+    for (grasp, logit) in grasps.iter().zip(logits) {
+        let score = f64::from(1.0 / (1.0 + (-logit).exp()));
+        assert!(
+            (grasp.score.unwrap() - score).abs() < 1e-5,
+            "{grasp:?} {score}"
+        );
     }
 }
 

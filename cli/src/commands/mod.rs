@@ -16,3 +16,5 @@ pub mod run;
 pub mod sample;
 #[cfg(feature = "train")]
 pub mod train;
+#[cfg(feature = "train")]
+pub mod train_evaluator;

@@ -9,13 +9,14 @@ use rayon::prelude::*;
 use shakedown_classifier::{Class, HandModel, Thresholds, classify};
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::Object;
-use shakedown_sampler::FlowModel;
+use shakedown_sampler::{DrawSettings, FlowModel};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_trainer::export::Provenance;
 use shakedown_trainer::{Observer, Preset, Progress, Training, train};
 
 use crate::args::Global;
 use crate::args_judging::TrainArgs;
+use crate::commands::train_evaluator;
 use crate::failure::{Exit, Failure};
 use crate::progress;
 use crate::training_data::TrainingData;
@@ -41,6 +42,9 @@ pub fn run(global: &Global, args: &TrainArgs) -> Result<Exit, Failure> {
     preset.check()?;
     let gripper = Gripper::load(&args.gripper)?;
     let protocol = args.protocol.load()?;
+    if let Some(model) = &args.evaluator_for {
+        return train_evaluator::run(global, args, model, &gripper, &protocol);
+    }
     let data = TrainingData::load(global, args, &preset, &gripper, &protocol)?;
     progress::note(global, &data.description);
     let directory_name = args
@@ -109,7 +113,7 @@ pub fn run(global: &Global, args: &TrainArgs) -> Result<Exit, Failure> {
 }
 
 /// The command as typed, without the path of the binary.
-fn command_line() -> String {
+pub fn command_line() -> String {
     let words: Vec<String> = std::env::args().skip(1).collect();
     format!("shakedown {}", words.join(" "))
 }
@@ -161,7 +165,13 @@ impl Watch<'_> {
         let mut counts = [0usize; 4];
         for object in self.objects {
             let grasps = model
-                .sample(object, self.gripper, CANDIDATES, self.global.seed, None)
+                .sample(
+                    object,
+                    self.gripper,
+                    CANDIDATES,
+                    self.global.seed,
+                    DrawSettings::default(),
+                )
                 .map_err(|e| e.to_string())?;
             n += grasps.len();
             for g in &grasps {
