@@ -211,7 +211,7 @@ pub struct SourceArgs {
     #[arg(long, value_name = "FRAME")]
     pub frame: Option<HandFrame>,
     /// Flow model: a built-in name (default: rfm-embedded), or a directory with model.toml,
-    /// encoder.onnx, velocity.onnx
+    /// encoder.onnx, velocity.onnx and, if its card speaks of one, evaluator.onnx
     #[arg(long, value_name = "NAME|DIR", conflicts_with = "sampler")]
     pub model: Option<String>,
     /// ONNX Runtime library to use instead of the built-in tract

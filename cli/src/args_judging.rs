@@ -1,5 +1,6 @@
 //! Options of the subcommands that judge runs and grasps, or make labels and models.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -231,11 +232,14 @@ pub struct TrainArgs {
     #[arg(long, value_name = "NAME|DIR", conflicts_with = "rectify")]
     pub evaluator_for: Option<String>,
     /// With --evaluator-for: a grasp whose score is lower is drawn anew
-    #[arg(long, default_value_t = 0.5, value_name = "P")]
+    #[arg(long, default_value_t = 0.6, value_name = "P")]
     pub least_score: f64,
     /// With --evaluator-for: so often at most
-    #[arg(long, default_value_t = 4, value_name = "N")]
+    #[arg(long, default_value_t = 15, value_name = "N")]
     pub redraws: usize,
+    /// With --evaluator-for: steps from noise to grasp, instead of the model's
+    #[arg(long, value_name = "N")]
+    pub draw_steps: Option<NonZeroUsize>,
     /// Steps, instead of the preset's
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,

@@ -1,4 +1,4 @@
-//! `shakedown train` on ACRONYM files: stages, stretched copies, held-out objects.
+//! `shakedown train`: stages, stretched copies and held-out objects on ACRONYM files; evaluators.
 
 use std::fs;
 use std::path::Path;
@@ -112,4 +112,117 @@ fn a_second_stage_from_half_way_gives_the_same_weights_on_any_number_of_threads(
     );
     assert_eq!(code, Some(2), "{message}");
     assert!(message.contains("between two of the 10 steps"), "{message}");
+}
+
+/// On our own shapes: what an evaluator learned, what is kept of its trials, and what it does to a draw.
+#[test]
+fn an_evaluator_is_the_same_on_any_number_of_threads_and_scores_what_its_model_draws() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let judge = |threads: &str, out: &str| {
+        let (code, message) = train(
+            d,
+            &[
+                "--data",
+                "embedded",
+                "--variants",
+                "1",
+                "--hold-out",
+                "3",
+                "--evaluator-for",
+                "rfm-embedded",
+                "--draw-steps",
+                "4",
+                "--paths",
+                "12",
+                "--steps",
+                "30",
+                "--threads",
+                threads,
+                "--out",
+                out,
+            ],
+        );
+        assert_eq!(code, Some(0), "{message}");
+        message
+    };
+    let message = judge("1", "one");
+    assert!(
+        message.contains("108 grasps of its own on 9 objects"),
+        "{message}"
+    );
+    judge("2", "two");
+    let bytes = |out: &str| fs::read(d.join(out).join("evaluator.onnx")).unwrap();
+    assert_eq!(bytes("one"), bytes("two"));
+    // Its trials lie on disk: none is made again, and the same comes out.
+    let kept = fs::read_dir(d.join("one/data")).unwrap().count();
+    assert_eq!(kept, 12);
+    judge("2", "one");
+    assert_eq!(bytes("one"), bytes("two"));
+    let card = fs::read_to_string(d.join("one/model.toml")).unwrap();
+    let card: toml::Table = card.parse().unwrap();
+    assert_eq!(card["steps"].as_integer(), Some(4));
+    assert_eq!(card["evaluator"]["redraws"].as_integer(), Some(15));
+    assert!(
+        card["command"]
+            .as_str()
+            .unwrap()
+            .contains("--evaluator-for")
+    );
+
+    let sampled = Command::new(env!("CARGO_BIN_EXE_shakedown"))
+        .args([
+            "sample",
+            "--model",
+            "one",
+            "--filter",
+            "mug_0",
+            "--candidates",
+            "20",
+        ])
+        .args(["--redraws", "0", "--out", "drawn.csv"])
+        .current_dir(d)
+        .output()
+        .unwrap();
+    assert!(sampled.status.success(), "{sampled:?}");
+    let drawn = fs::read_to_string(d.join("drawn.csv")).unwrap();
+    let mut rows = csv::Reader::from_reader(drawn.as_bytes());
+    let at = rows.headers().unwrap().iter().position(|h| h == "score");
+    let at = at.expect("a column of scores");
+    let scores: Vec<f64> = rows
+        .records()
+        .map(|r| r.unwrap()[at].parse().unwrap())
+        .collect();
+    assert_eq!(scores.len(), 20);
+    assert!(scores.iter().all(|s| (0.0..=1.0).contains(s)), "{scores:?}");
+
+    let strange = [
+        "--data",
+        "embedded",
+        "--variants",
+        "1",
+        "--candidates",
+        "6",
+        "--preset",
+        "paper",
+        "--steps",
+        "1",
+        "--out",
+        "paper",
+    ];
+    let (code, message) = train(d, &strange);
+    assert_eq!(code, Some(0), "{message}");
+    let (code, message) = train(
+        d,
+        &[
+            "--data",
+            "embedded",
+            "--evaluator-for",
+            "paper",
+            "--out",
+            "none",
+        ],
+    );
+    assert_eq!(code, Some(3), "{message}");
+    assert!(message.contains("control points"), "{message}");
 }

@@ -30,11 +30,18 @@ macro_rules! built_in {
             include_str!(concat!("../models/", $name, "/model.toml")),
             include_bytes!(concat!("../models/", $name, "/encoder.onnx")),
             include_bytes!(concat!("../models/", $name, "/velocity.onnx")),
+            include_bytes!(concat!("../models/", $name, "/evaluator.onnx")),
         )),+]
     };
 }
 
-type BuiltIn = (&'static str, &'static str, &'static [u8], &'static [u8]);
+type BuiltIn = (
+    &'static str,
+    &'static str,
+    &'static [u8],
+    &'static [u8],
+    &'static [u8],
+);
 
 /// The models made by this repository's own command; the first is the default.
 const BUILT_IN: &[BuiltIn] = built_in!("rfm-embedded", "rfm-acronym");
@@ -61,13 +68,14 @@ impl ModelFiles {
     /// # Errors
     /// Neither a name nor a directory with the three files.
     pub fn find(name: &str) -> Result<Self, ModelError> {
-        if let Some((name, card, encoder, velocity)) = BUILT_IN.iter().find(|m| m.0 == name) {
+        let built_in = BUILT_IN.iter().find(|m| m.0 == name);
+        if let Some((name, card, encoder, velocity, evaluator)) = built_in {
             return Ok(Self {
                 place: PathBuf::from(format!("built-in {name}")),
                 card: Cow::Borrowed(card),
                 encoder: Cow::Borrowed(encoder),
                 velocity: Cow::Borrowed(velocity),
-                evaluator: None,
+                evaluator: Some(Cow::Borrowed(evaluator)),
             });
         }
         let directory = Path::new(name);

@@ -244,7 +244,7 @@ fn the_calibrated_trial_agrees_with_flex_and_half_the_time_step_changes_almost_n
         return;
     };
     let coarse = held_and_labels(&root, 10, 12, &[]);
-    let fine = held_and_labels(&root, 10, 12, &["dt_s=0.001"]);
+    let fine = held_and_labels(&root, 10, 12, &["dt_s=0.002"]);
     let share = |label: bool| {
         let of: Vec<_> = coarse.iter().filter(|(_, l)| *l == label).collect();
         of.iter().filter(|(h, l)| h == l).count() as f64 / of.len() as f64
@@ -253,7 +253,7 @@ fn the_calibrated_trial_agrees_with_flex_and_half_the_time_step_changes_almost_n
     assert!(balanced > 0.70, "balanced accuracy {balanced}");
     let same = coarse.iter().zip(&fine).filter(|(a, b)| a.0 == b.0).count();
     assert!(
-        same as f64 >= 0.93 * coarse.len() as f64,
+        same as f64 >= 0.96 * coarse.len() as f64,
         "{same} of {}",
         coarse.len()
     );

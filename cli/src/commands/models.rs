@@ -25,6 +25,7 @@ pub fn run(global: &Global) -> Result<Exit, Failure> {
                 c.name.clone(),
                 c.gripper.clone(),
                 c.steps.to_string(),
+                c.evaluator.map_or("-".into(), |e| e.redraws.to_string()),
                 metric("training_objects_optimal"),
                 metric("training_objects_held"),
                 c.licence.clone(),
@@ -36,6 +37,7 @@ pub fn run(global: &Global) -> Result<Exit, Failure> {
         "model",
         "gripper",
         "steps",
+        "redraws",
         "optimal",
         "held",
         "licence",
@@ -43,9 +45,9 @@ pub fn run(global: &Global) -> Result<Exit, Failure> {
     ];
     print!("{}", aligned(&header, &rows));
     println!(
-        "\noptimal and held: on objects of its training. Any model of the contract is given as a \
-         directory:\n  shakedown run --model DIR    (model.toml, encoder.onnx, velocity.onnx; \
-         docs/formats.md)"
+        "\noptimal and held: of the flow alone, on objects of its training. Any model of the contract is given as a \
+         directory:\n  shakedown run --model DIR    (model.toml, encoder.onnx, velocity.onnx, \
+         perhaps evaluator.onnx; docs/formats.md)"
     );
     Ok(Exit::Success)
 }

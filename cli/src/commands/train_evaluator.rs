@@ -38,7 +38,11 @@ pub fn run(
     protocol: &Protocol,
 ) -> Result<Exit, Failure> {
     let files = ModelFiles::find(model)?;
-    let flow = FlowModel::open(&files, args.ort.as_deref())?;
+    let mut flow = FlowModel::open(&files, args.ort.as_deref())?;
+    if let Some(steps) = args.draw_steps {
+        flow.card.steps = steps.get();
+    }
+    let mut card = flow.card.clone();
     let seen = what_it_sees(&flow, model)?;
     let mut preset = EvaluatorPreset::built_in();
     if let Some(steps) = args.steps {
@@ -90,7 +94,6 @@ pub fn run(
     let area = auroc(&judged).unwrap_or(f64::NAN);
     println!("evaluator: AUROC {area:.3} ({name})");
     report(judged);
-    let mut card = files.parsed_card()?;
     card.evaluator = Some(EvaluatorCard {
         least_score: args.least_score,
         redraws: args.redraws,

@@ -196,13 +196,13 @@ fn overlay(
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
     use super::super::separation::{Eight, Pairs};
     use super::*;
     use crate::rapier::math::Pose;
     use crate::rapier::parry::query::ContactManifold;
     use crate::rapier::parry::query::details::contact_manifold_cuboid_triangle;
     use crate::rapier::parry::shape::{Cuboid, Triangle};
+    use fearless_simd::{Level, dispatch};
 
     /// A sequence of numbers in [-1, 1] that looks random.
     struct Numbers(u32);

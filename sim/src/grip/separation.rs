@@ -23,7 +23,11 @@ fn dot<S: Simd>(a: &Three<S>, b: &Three<S>) -> f32x8<S> {
 
 #[inline(always)]
 fn wide<S: Simd>(simd: S, [x, y, z]: &[[f32; EIGHT]; 3]) -> Three<S> {
-    [(*x).simd_into(simd), (*y).simd_into(simd), (*z).simd_into(simd)]
+    [
+        (*x).simd_into(simd),
+        (*y).simd_into(simd),
+        (*z).simd_into(simd),
+    ]
 }
 
 #[inline(always)]
@@ -219,7 +223,9 @@ impl Pairs {
                 let ahead = min.simd_gt(-max);
                 let per_length = one / square.sqrt();
                 let gap = (ahead.select(min, -max) - reach) * per_length;
-                let gap = square.simd_le(least).select(f32x8::splat(simd, f32::MIN), gap);
+                let gap = square
+                    .simd_le(least)
+                    .select(f32x8::splat(simd, f32::MIN), gap);
                 let scale = ahead.select(per_length, -per_length);
                 edges.offer(gap, [cross[0] * scale, cross[1] * scale, cross[2] * scale]);
             }
