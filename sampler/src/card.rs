@@ -81,6 +81,27 @@ pub struct EvaluatorCard {
     pub redraws: usize,
 }
 
+impl EvaluatorCard {
+    /// What is out of range.
+    fn complaint(&self) -> Option<String> {
+        let Self {
+            least_score,
+            redraws,
+        } = self;
+        if !(0.0..=1.0).contains(least_score) {
+            Some(format!(
+                "evaluator.least_score is {least_score}, not within 0..=1"
+            ))
+        } else if *redraws > REDRAWS_MAX {
+            Some(format!(
+                "evaluator.redraws is {redraws}, more than {REDRAWS_MAX}"
+            ))
+        } else {
+            None
+        }
+    }
+}
+
 /// The content of `model.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -155,21 +176,8 @@ impl ModelCard {
                 "noise_translation_std is {}",
                 card.noise_translation_std
             ))
-        } else if let Some(e) = card
-            .evaluator
-            .filter(|e| !(0.0..=1.0).contains(&e.least_score))
-        {
-            Some(format!(
-                "evaluator.least_score is {}, not within 0..=1",
-                e.least_score
-            ))
-        } else if let Some(e) = card.evaluator.filter(|e| e.redraws > REDRAWS_MAX) {
-            Some(format!(
-                "evaluator.redraws is {}, more than {REDRAWS_MAX}",
-                e.redraws
-            ))
         } else {
-            None
+            card.evaluator.as_ref().and_then(EvaluatorCard::complaint)
         };
         match complaint {
             Some(what) => Err(ModelError::bad(path, what)),
