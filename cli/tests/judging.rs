@@ -56,12 +56,12 @@ fn the_same_run_is_identical_and_a_weaker_hand_is_a_regression() {
         let text = ok(d, &["compare", base, "same"]);
         assert!(text.contains("IDENTICAL"), "{text}");
     }
-    // Half the force: a true regression.
-    ok(d, &run(&["--out", "weak", "--set", "grip_force_n=10"]));
+    // A tenth of the force: a true regression.
+    ok(d, &run(&["--out", "weak", "--set", "grip_force_n=2"]));
     let (code, _, message) = said(d, &["compare", "main", "weak"]);
     assert_eq!(code, 3);
     assert!(
-        message.contains("grip_force_n: 20.0 against 10.0"),
+        message.contains("grip_force_n: 20.0 against 2.0"),
         "{message}"
     );
     let args = [
