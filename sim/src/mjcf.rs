@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use serde_json::{Value, json};
 use shakedown_gripper_assets::Gripper;
 use shakedown_gripper_assets::gripper::Side;
@@ -18,6 +18,21 @@ use crate::scene::{self, Scene};
 /// Time step of the schedule, s.
 const SCHEDULE_DT_S: f64 = 0.002;
 
+/// A piece whose corners leave their plane by less than this, root mean square, metres, has no volume to
+/// speak of and no hull in MuJoCo: coordinates are written to a tenth of a micrometre.
+const FLAT_M: f64 = 5e-7;
+
+fn is_flat(piece: &[Point3<f64>]) -> bool {
+    let count = piece.len().max(1) as f64;
+    let middle = piece.iter().map(|p| p.coords).sum::<Vector3<f64>>() / count;
+    let spread: Matrix3<f64> = piece
+        .iter()
+        .map(|p| (p.coords - middle) * (p.coords - middle).transpose())
+        .sum();
+    let squares = spread.symmetric_eigenvalues();
+    squares.min() <= FLAT_M * FLAT_M * count
+}
+
 /// MJCF text of the trial at its start. Geometry is that of `solver.object_contact = "pieces"`;
 /// contact settings are MuJoCo's usual ones for gripping (elliptic cone, impratio 10, noslip).
 pub fn model(scene: &Scene, gripper: &Gripper, grasp: &Isometry3<f64>) -> String {
@@ -27,7 +42,8 @@ pub fn model(scene: &Scene, gripper: &Gripper, grasp: &Isometry3<f64>) -> String
     let hand_from_body = object_from_hand.inverse() * scene.object_from_body();
     let mut assets = String::new();
     let mut object = String::new();
-    for (i, piece) in scene.pieces_m.iter().enumerate() {
+    let has_volume = |(_, piece): &(usize, &Vec<Point3<f64>>)| !is_flat(piece);
+    for (i, piece) in scene.pieces_m.iter().enumerate().filter(has_volume) {
         let _ = writeln!(
             assets,
             r#"    <mesh name="piece{i}" vertex="{}"/>"#,
@@ -186,4 +202,24 @@ fn list(points: &[Point3<f64>]) -> String {
         .flat_map(|p| p.iter().map(|x| format!("{x:.7}")))
         .collect();
     numbers.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piece_is_flat_where_its_corners_share_a_plane_however_it_stands() {
+        let corner = |x: f64, y: f64, z: f64| {
+            nalgebra::Rotation3::from_euler_angles(0.3, 1.0, -2.0) * Point3::new(x, y, 0.1 + z)
+        };
+        let flat = [(0.0, 0.0), (0.02, 0.0), (0.0, 0.03), (0.02, 0.03)];
+        let piece = |height: f64| -> Vec<Point3<f64>> {
+            let lifted = flat.iter().enumerate();
+            let z = |i: usize| if i == 3 { height } else { 0.0 };
+            lifted.map(|(i, (x, y))| corner(*x, *y, z(i))).collect()
+        };
+        assert!(is_flat(&piece(0.0)));
+        assert!(!is_flat(&piece(1e-5)));
+    }
 }
