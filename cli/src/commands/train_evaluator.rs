@@ -57,6 +57,7 @@ pub fn run(
         gripper,
         protocol,
         seen: &seen,
+        model: flow.hash.clone(),
         flow: Mutex::new(flow),
     };
     let (learned, held_out) = maker.objects()?;
@@ -128,6 +129,7 @@ fn what_it_sees(model: &FlowModel, name: &str) -> Result<Preset, Failure> {
     flow.padding = card.padding;
     flow.centring = card.centring;
     flow.normalisation = card.normalisation;
+    flow.steps = card.steps;
     preset.check()?;
     Ok(preset)
 }
@@ -139,6 +141,8 @@ struct Maker<'a> {
     gripper: &'a Gripper,
     protocol: &'a Protocol,
     seen: &'a Preset,
+    /// Hash of the flow's files.
+    model: String,
     flow: Mutex<FlowModel>,
 }
 
@@ -188,7 +192,16 @@ impl Maker<'_> {
     }
 
     fn tried_object(&self, object: &Object) -> Result<TriedObject, Failure> {
-        let file = format!("{}-{}-{}", object.id, self.args.paths, self.global.seed);
+        // What lies there of another model, in other steps or of another trial, is not taken for this one's.
+        let file = format!(
+            "{}-{}-{}-{}-{}-{}",
+            object.id,
+            self.args.paths,
+            self.global.seed,
+            &self.model[..8],
+            self.seen.flow.steps,
+            self.protocol.version
+        );
         let grasps = kept(&self.args.out, &file, || self.draw_and_try(object))?;
         let boxed = (self.seen.flow.centring == Centring::SnugBox).then(|| snug(object, &grasps));
         let (object, grasps) = match &boxed {
