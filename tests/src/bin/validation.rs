@@ -198,7 +198,7 @@ fn steps(data: &Path) -> io::Result<String> {
         let (n, same) = (&line["n"], &line["same"]);
         let share = same.as_f64().unwrap_or(f64::NAN) / n.as_f64().unwrap_or(f64::NAN);
         let change = line["change"].as_str().unwrap_or("?");
-        let _ = writeln!(out, "| {change} | {n} | {:.1} % |", share * 100.0);
+        let _ = writeln!(out, "| {change} | {n} | {:.2} % |", share * 100.0);
     }
     Ok(out)
 }
