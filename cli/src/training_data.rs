@@ -65,13 +65,6 @@ impl TrainingData {
             held: &held,
         };
         let teacher = Teacher::load(args)?;
-        if args.hold_out >= sources.len() && args.hold_out > 0 {
-            return Err(Failure::usage(format!(
-                "--hold-out {} leaves none of the {} objects to learn from",
-                args.hold_out,
-                sources.len()
-            )));
-        }
         let validated = match args.hold_out {
             0 => VALIDATION_OBJECTS,
             n => n,
@@ -153,17 +146,25 @@ pub fn is_embedded(args: &TrainArgs) -> bool {
 /// What --data names.
 ///
 /// # Errors
-/// Shapes and files together, a directory without files.
+/// Shapes and files together, a directory without files, nothing left by --hold-out.
 pub fn sources(args: &TrainArgs) -> Result<Vec<Source>, Failure> {
-    if !is_embedded(args) {
-        return Ok(files(&args.data)?.into_iter().map(Source::File).collect());
-    }
-    if args.data.len() > 1 {
+    let sources: Vec<Source> = if !is_embedded(args) {
+        files(&args.data)?.into_iter().map(Source::File).collect()
+    } else if args.data.len() > 1 {
         return Err(Failure::usage(
             "--data embedded stands alone; files and directories may be mixed",
         ));
+    } else {
+        variants(args.variants).map(Source::Shape).collect()
+    };
+    if args.hold_out >= sources.len() && args.hold_out > 0 {
+        return Err(Failure::usage(format!(
+            "--hold-out {} leaves none of the {} objects to learn from",
+            args.hold_out,
+            sources.len()
+        )));
     }
-    Ok(variants(args.variants).map(Source::Shape).collect())
+    Ok(sources)
 }
 
 struct Context<'a> {

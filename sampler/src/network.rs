@@ -171,7 +171,7 @@ impl FlowModel {
         Ok(model)
     }
 
-    /// Draws `count` grasps of an object for the hand, numbers `first..first + count`. With an evaluator
+    /// Draws `count` grasps of an object for the hand, numbers `0..count`. With an evaluator
     /// each has its score, and one whose score is below the card's `least_score` is drawn anew, until one
     /// is not or the redraws are used up; then the best of them is taken.
     ///

@@ -15,10 +15,9 @@ use shakedown_sampler::seed;
 use crate::adam::Weights;
 use crate::error::TrainError;
 use crate::features;
-use crate::layer::{Layer, linear, linear_back, through};
+use crate::layer::{Layer, back_to_first, linear_back, onward};
 use crate::network::{Parameter, drawn};
 use crate::preset::{NetworkPreset, Preset, TrainingPreset};
-use crate::product::{Matrix, MatrixMut};
 
 /// Grasps of one object that were tried.
 #[derive(Debug, Clone)]
@@ -94,16 +93,11 @@ impl Evaluator {
     pub fn forward(&mut self, parameters: &[Parameter], features: &[f32]) -> &[f32] {
         let layers = parameters.len() / 2 - 1;
         self.hidden.resize_with(layers, Layer::default);
-        let (first, rest) = self.hidden.split_first_mut().expect("at least one layer");
-        first.forward(features, [&parameters[0], &parameters[1]]);
-        let mut before = &first.out;
-        for (layer, p) in rest.iter_mut().zip(parameters[2..].chunks(2)) {
-            linear(before, [&p[0], &p[1]], &mut layer.slope);
-            layer.activate(Some(before));
-            before = &layer.out;
-        }
-        let out = &parameters[2 * layers..];
-        linear(before, [&out[0], &out[1]], &mut self.logits);
+        let mut pairs = parameters.chunks(2).map(|p| [&p[0], &p[1]]);
+        let mut next = || pairs.next().expect("a pair a layer");
+        let first = self.hidden.first_mut().expect("at least one layer");
+        first.forward(features, next());
+        onward(&mut self.hidden, next, &mut self.logits);
         &self.logits
     }
 
@@ -132,24 +126,9 @@ impl Evaluator {
                 .push(share * (probability - f32::from(u8::from(*good))));
         }
         let mut layers = parameters.chunks(2).zip(self.by.chunks_mut(2)).rev();
-        let mut next = || layers.next().expect("a pair a layer");
-        let (p, by) = next();
-        let last = self.hidden.last().expect("at least one layer");
-        linear_back(&last.out, &self.back, by);
-        std::mem::swap(&mut self.back, &mut self.inner);
-        through(&self.inner, &p[0], &mut self.back);
-        for (layer, before) in self.hidden[1..].iter().zip(&self.hidden).rev() {
-            let (p, by) = next();
-            let width = p[0].shape[1];
-            layer.before_activation(&self.back, &mut self.inner);
-            linear_back(&before.out, &self.inner, by);
-            // Past the layer by its shortcut, and through it.
-            MatrixMut::new(&mut self.back, width).add_product(
-                Matrix::new(&self.inner, width),
-                Matrix::new(&p[0].values, width),
-            );
-        }
-        let (_, by) = next();
+        let (back, inner) = (&mut self.back, &mut self.inner);
+        back_to_first(&self.hidden, &mut layers, back, inner);
+        let (_, by) = layers.next().expect("the first layer's");
         self.hidden[0].before_activation(&self.back, &mut self.inner);
         linear_back(features, &self.inner, by);
         ((loss * f64::from(share)) as f32, &self.by)

@@ -6,7 +6,7 @@
 use crate::batch::Batch;
 use crate::conv::Neighbourhoods;
 use crate::features::{self, LENGTH_UNIT_M};
-use crate::layer::{Layer, add_rows, linear, linear_back, through};
+use crate::layer::{Layer, add_rows, back_to_first, linear_back, onward, through};
 use crate::network::{CHANNELS, OUTPUTS, Parameter};
 use crate::preset::{Encoder, Preset};
 use crate::product::{Matrix, MatrixMut};
@@ -87,7 +87,7 @@ impl<'a> Network<'a> {
             self.encoded.push(scale_m / LENGTH_UNIT_M);
         }
         self.latent.forward(&self.encoded, next());
-        let (first, rest) = self.hidden.split_first_mut().expect("at least one layer");
+        let first = self.hidden.first_mut().expect("at least one layer");
         let [weight, bias] = next();
         let codes = Matrix::new(&self.latent.out, self.preset.network.latent);
         let features = features::count(&self.preset.network);
@@ -111,13 +111,7 @@ impl<'a> Network<'a> {
         let of_seen = weight.columns(0, features).transposed();
         MatrixMut::new(&mut first.slope, outputs).add_product(seen, of_seen);
         first.activate(None);
-        let mut before = &first.out;
-        for layer in rest {
-            linear(before, next(), &mut layer.slope);
-            layer.activate(Some(before));
-            before = &layer.out;
-        }
-        linear(before, next(), &mut self.raw);
+        onward(&mut self.hidden, next, &mut self.raw);
         &self.raw
     }
 
@@ -140,25 +134,11 @@ impl<'a> Network<'a> {
     fn backward(&mut self, parameters: &[Parameter], batch: &Batch) {
         let network = &self.preset.network;
         let mut layers = parameters.chunks(2).zip(self.by.chunks_mut(2)).rev();
-        let mut next = || layers.next().expect("as laid out");
         let width = network.width;
+        let (back, inner) = (&mut self.back, &mut self.inner);
+        back_to_first(&self.hidden, &mut layers, back, inner);
 
-        let (p, by) = next();
-        let last = self.hidden.last().expect("at least one layer");
-        linear_back(&last.out, &self.back, by);
-        std::mem::swap(&mut self.back, &mut self.inner);
-        through(&self.inner, &p[0], &mut self.back);
-        for (layer, before) in self.hidden[1..].iter().zip(&self.hidden).rev() {
-            let (p, by) = next();
-            layer.before_activation(&self.back, &mut self.inner);
-            linear_back(&before.out, &self.inner, by);
-            // Past the layer by its shortcut, and through it.
-            MatrixMut::new(&mut self.back, width).add_product(
-                Matrix::new(&self.inner, width),
-                Matrix::new(&p[0].values, width),
-            );
-        }
-
+        let mut next = || layers.next().expect("as laid out");
         let (p, by) = next();
         let (features, codes) = (features::count(network), network.latent);
         let inputs = features + codes;

@@ -70,6 +70,48 @@ pub fn through(gradient: &[f32], weight: &Parameter, out: &mut Vec<f32>) {
     );
 }
 
+/// What follows the first of the hidden layers: the others, each of which adds to what comes in, and a linear
+/// one into `out`. `next` gives weight and bias of one after the other.
+pub fn onward<'p>(
+    hidden: &mut [Layer],
+    mut next: impl FnMut() -> [&'p Parameter; 2],
+    out: &mut Vec<f32>,
+) {
+    let (first, rest) = hidden.split_first_mut().expect("at least one layer");
+    let mut before = &first.out;
+    for layer in rest {
+        linear(before, next(), &mut layer.slope);
+        layer.activate(Some(before));
+        before = &layer.out;
+    }
+    linear(before, next(), out);
+}
+
+/// The way back through [`onward`]: `back` holds the gradient by its output and becomes that by what comes
+/// out of the first hidden layer. `layers` gives parameters and their gradients from the last layer on.
+pub fn back_to_first<'p>(
+    hidden: &[Layer],
+    layers: &mut impl Iterator<Item = (&'p [Parameter], &'p mut [Vec<f32>])>,
+    back: &mut Vec<f32>,
+    inner: &mut Vec<f32>,
+) {
+    let mut next = || layers.next().expect("as laid out");
+    let (p, by) = next();
+    let last = hidden.last().expect("at least one layer");
+    linear_back(&last.out, back, by);
+    std::mem::swap(back, inner);
+    through(inner, &p[0], back);
+    for (layer, before) in hidden[1..].iter().zip(hidden).rev() {
+        let (p, by) = next();
+        let width = p[0].shape[1];
+        layer.before_activation(back, inner);
+        linear_back(&before.out, inner, by);
+        // Past the layer by its shortcut, and through it.
+        MatrixMut::new(back, width)
+            .add_product(Matrix::new(inner, width), Matrix::new(&p[0].values, width));
+    }
+}
+
 /// Adds every row to `sum`.
 pub fn add_rows(rows: &[f32], sum: &mut [f32]) {
     for row in rows.chunks(sum.len()) {

@@ -150,13 +150,6 @@ impl Maker<'_> {
     /// Objects to learn from, and those held out.
     fn objects(&self) -> Result<(Vec<TriedObject>, Vec<TriedObject>), Failure> {
         let (args, sources) = (self.args, sources(self.args)?);
-        if args.hold_out >= sources.len() && args.hold_out > 0 {
-            return Err(Failure::usage(format!(
-                "--hold-out {} leaves none of the {} objects to learn from",
-                args.hold_out,
-                sources.len()
-            )));
-        }
         let every = match args.hold_out {
             0 => usize::MAX,
             n => sources.len().div_ceil(n),
