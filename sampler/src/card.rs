@@ -57,6 +57,9 @@ pub enum Integrator {
     Euler,
     /// Two evaluations a step: the mean of the velocities at both ends.
     Heun,
+    /// One evaluation a step, of second order: one and a half times the velocity here less half of that one
+    /// step before (J. C. Adams and F. Bashforth, 1883); the first step is Euler's.
+    AdamsBashforth,
 }
 
 /// Where the grid and the normalised frame are centred.

@@ -45,13 +45,6 @@ pub fn angular_velocity(xi: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(w[(2, 1)], w[(0, 2)], w[(1, 0)])
 }
 
-fn moved(sample: &FlowSample, omega: &Vector3<f64>, v: &Vector3<f64>, dt: f64) -> FlowSample {
-    FlowSample {
-        rotation: sample.rotation * UnitQuaternion::new(omega * dt),
-        translation: sample.translation + v * dt,
-    }
-}
-
 /// Carries all samples from time 0 to 1 in `steps` equal steps, batch by batch.
 ///
 /// # Errors
@@ -66,52 +59,97 @@ pub fn integrate(
     integrator: Integrator,
     batch: usize,
 ) -> Result<(), ModelError> {
-    assert!(steps > 0, "at least one step");
-    for k in 0..steps {
-        step(field, samples, k, steps, integrator, batch)?;
+    let mut way = Way::new(steps, integrator, batch);
+    for _ in 0..steps {
+        way.step(field, samples)?;
     }
     Ok(())
 }
 
-/// Step number `k` of the `steps` equal steps from time 0 to 1.
-///
-/// # Errors
-/// Those of the field.
-pub fn step(
-    field: &mut impl VelocityField,
-    samples: &mut [FlowSample],
-    k: usize,
+/// Samples on their way from time 0 to 1, step by step.
+pub struct Way {
     steps: usize,
     integrator: Integrator,
     batch: usize,
-) -> Result<(), ModelError> {
-    let dt = 1.0 / steps as f64;
-    let time = k as f64 * dt;
-    for chunk in samples.chunks_mut(batch.max(1)) {
-        let here = field.velocities(chunk, time)?;
-        match integrator {
-            Integrator::Euler => {
-                for (s, v) in chunk.iter_mut().zip(&here) {
-                    *s = moved(s, &angular_velocity(&v.rotation), &v.translation, dt);
+    /// Steps that are done.
+    done: usize,
+    /// Of the step before: angular velocities, and those of the translation.
+    before: Vec<(Vector3<f64>, Vector3<f64>)>,
+}
+
+impl Way {
+    /// A way of `steps` equal steps, `batch` samples at once.
+    ///
+    /// # Panics
+    /// If `steps` is 0.
+    pub fn new(steps: usize, integrator: Integrator, batch: usize) -> Self {
+        assert!(steps > 0, "at least one step");
+        Self {
+            steps,
+            integrator,
+            batch: batch.max(1),
+            done: 0,
+            before: Vec::new(),
+        }
+    }
+
+    /// The next step of all samples, which are the same in every step.
+    ///
+    /// # Errors
+    /// Those of the field.
+    pub fn step(
+        &mut self,
+        field: &mut impl VelocityField,
+        samples: &mut [FlowSample],
+    ) -> Result<(), ModelError> {
+        let dt = 1.0 / self.steps as f64;
+        let time = self.done as f64 * dt;
+        let mut now = Vec::with_capacity(samples.len());
+        for chunk in samples.chunks_mut(self.batch) {
+            let first = now.len();
+            now.extend(field.velocities(chunk, time)?.iter().map(split));
+            let here = &now[first..];
+            match self.integrator {
+                Integrator::Euler => advance(chunk, here.iter().copied(), dt),
+                Integrator::Heun => {
+                    let mut ahead = chunk.to_vec();
+                    advance(&mut ahead, here.iter().copied(), dt);
+                    let there = field.velocities(&ahead, time + dt)?;
+                    let mean = here.iter().zip(there.iter().map(split));
+                    let mean = mean.map(|(a, b)| ((a.0 + b.0) * 0.5, (a.1 + b.1) * 0.5));
+                    advance(chunk, mean, dt);
                 }
-            }
-            Integrator::Heun => {
-                let ahead: Vec<FlowSample> = chunk
-                    .iter()
-                    .zip(&here)
-                    .map(|(s, v)| moved(s, &angular_velocity(&v.rotation), &v.translation, dt))
-                    .collect();
-                let there = field.velocities(&ahead, time + dt)?;
-                for ((s, a), b) in chunk.iter_mut().zip(&here).zip(&there) {
-                    let omega =
-                        (angular_velocity(&a.rotation) + angular_velocity(&b.rotation)) * 0.5;
-                    let v = (a.translation + b.translation) * 0.5;
-                    *s = moved(s, &omega, &v, dt);
+                Integrator::AdamsBashforth => {
+                    let before = match self.done {
+                        0 => here,
+                        _ => &self.before[first..],
+                    };
+                    let next = here.iter().zip(before);
+                    let next = next.map(|(a, b)| (a.0 * 1.5 - b.0 * 0.5, a.1 * 1.5 - b.1 * 0.5));
+                    advance(chunk, next, dt);
                 }
             }
         }
+        self.before = now;
+        self.done += 1;
+        Ok(())
     }
-    Ok(())
+}
+
+/// Angular velocity and velocity of the translation.
+fn split(v: &Velocity) -> (Vector3<f64>, Vector3<f64>) {
+    (angular_velocity(&v.rotation), v.translation)
+}
+
+fn advance(
+    samples: &mut [FlowSample],
+    velocities: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>,
+    dt: f64,
+) {
+    for (s, (omega, v)) in samples.iter_mut().zip(velocities) {
+        s.rotation *= UnitQuaternion::new(omega * dt);
+        s.translation += v * dt;
+    }
 }
 
 #[cfg(test)]
@@ -149,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_pose_is_the_closed_form_and_heun_converges_faster() {
+    fn the_end_pose_is_the_closed_form_and_the_second_orders_converge_faster() {
         let mut field = Spring {
             target: Vector3::new(0.2, 0.1, -0.3),
             spin: Vector3::new(0.5, -1.0, 0.7),
@@ -166,8 +204,10 @@ mod tests {
         };
         let euler = [error(20, Integrator::Euler), error(40, Integrator::Euler)];
         let heun = [error(20, Integrator::Heun), error(40, Integrator::Heun)];
+        let adams = [20, 40].map(|n| error(n, Integrator::AdamsBashforth));
         assert!((euler[0] / euler[1] - 2.0).abs() < 0.1, "{euler:?}");
         assert!((heun[0] / heun[1] - 4.0).abs() < 0.3, "{heun:?}");
+        assert!((adams[0] / adams[1] - 4.0).abs() < 0.3, "{adams:?}");
         // Euler has its own closed form: (1 - dt)^n.
         let mut samples = [s];
         integrate(&mut field, &mut samples, 20, Integrator::Euler, 64).unwrap();

@@ -1,13 +1,14 @@
 //! Where grasps come from: a flow model on SE(3) read from ONNX files, and an antipodal sampler as
 //! the candidates of ACRONYM were made.
 //!
-//! Every draw comes from a stream of its own, named by the run's seed, the object, the hand and
-//! the number of the grasp ([`seed`]), so candidate 17 is the same whether 18 or 1 000 are drawn.
+//! Every draw has a name of its own: the run's seed, the object, the hand and the number of the
+//! grasp ([`seed`], [`noise`]), so candidate 17 is the same whether 18 or 1 000 are drawn.
 
 pub mod antipodal;
 pub mod card;
 pub mod files;
 pub mod flow;
+pub mod noise;
 pub mod seed;
 
 #[cfg(feature = "onnx")]

@@ -9,10 +9,10 @@ use shakedown_objects::{NormalisedSdf, Object, Probe, SdfGrid};
 
 use crate::card::{Centring, ModelCard, ModelError};
 use crate::files::ModelFiles;
-use crate::flow::{FlowSample, Velocity, VelocityField, step};
+use crate::flow::{FlowSample, Velocity, VelocityField, Way, integrate};
 use crate::graph::{Graph, Input};
+use crate::noise::Noise;
 use crate::runtime::{Runtime, runtime};
-use crate::seed;
 use crate::vet::vet;
 
 /// Samples that go through the velocity network at once.
@@ -187,6 +187,7 @@ impl FlowModel {
     ) -> Result<Vec<Grasp>, ModelError> {
         let seen = self.look(object)?;
         let steps = settings.steps.unwrap_or(self.card.steps);
+        let integrator = self.card.integrator;
         let mut open: Vec<u64> = (0..count).collect();
         let mut best: Vec<(FlowSample, f32)> = Vec::with_capacity(open.len());
         let (least_score, redraws) = match &self.card.evaluator {
@@ -199,9 +200,7 @@ impl FlowModel {
                 model: self,
                 seen: &seen,
             };
-            for k in 0..steps {
-                field.step(&mut samples, k, steps)?;
-            }
+            integrate(&mut field, &mut samples, steps, integrator, BATCH)?;
             let scores = self.scores(&samples, &seen)?;
             for (i, (sample, score)) in samples.into_iter().zip(scores).enumerate() {
                 if attempt == 0 {
@@ -241,13 +240,14 @@ impl FlowModel {
         let numbers: Vec<u64> = (0..count).collect();
         let mut samples = self.noise(object, gripper, &numbers, run_seed, 0);
         let steps = steps.unwrap_or(self.card.steps);
+        let mut way = Way::new(steps, self.card.integrator, BATCH);
         let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
         let mut field = Bound {
             model: self,
             seen: &seen,
         };
-        for k in 0..steps {
-            field.step(&mut samples, k, steps)?;
+        for _ in 0..steps {
+            way.step(&mut field, &mut samples)?;
             for (path, sample) in states.iter_mut().zip(&samples) {
                 path.push(*sample);
             }
@@ -275,7 +275,7 @@ impl FlowModel {
         Ok(Seen { sdf, latent, axes })
     }
 
-    /// Where the flow begins: each number and attempt has a stream of its own.
+    /// Where the flow begins.
     fn noise(
         &self,
         object: &Object,
@@ -284,18 +284,9 @@ impl FlowModel {
         run_seed: u64,
         attempt: usize,
     ) -> Vec<FlowSample> {
-        let purpose = match attempt {
-            0 => "flow-v1".to_owned(),
-            n => format!("flow-v1, redraw {n}"),
-        };
-        let one = |index: &u64| {
-            let mut rng = seed::stream(run_seed, &purpose, &object.id, &gripper.name, *index);
-            FlowSample {
-                rotation: seed::uniform_rotation(&mut rng),
-                translation: seed::normal_vector(&mut rng) * self.card.noise_translation_std,
-            }
-        };
-        numbers.iter().map(one).collect()
+        let std = self.card.noise_translation_std;
+        let noise = Noise::new(run_seed, &object.id, &gripper.name, attempt, std);
+        numbers.iter().map(|&number| noise.at(number)).collect()
     }
 
     /// What the evaluator believes; all certain where there is none.
@@ -432,18 +423,6 @@ impl SampleGraph {
 struct Bound<'a> {
     model: &'a mut FlowModel,
     seen: &'a Seen,
-}
-
-impl Bound<'_> {
-    fn step(
-        &mut self,
-        samples: &mut [FlowSample],
-        k: usize,
-        steps: usize,
-    ) -> Result<(), ModelError> {
-        let integrator = self.model.card.integrator;
-        step(self, samples, k, steps, integrator, BATCH)
-    }
 }
 
 impl VelocityField for Bound<'_> {

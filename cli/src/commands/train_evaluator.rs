@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use shakedown_gripper_assets::{Grasp, Gripper};
 use shakedown_metrics::agreement::auroc;
 use shakedown_objects::{Object, Probe};
-use shakedown_sampler::{Centring, EvaluatorCard, FlowModel, ModelFiles};
+use shakedown_sampler::{Centring, EvaluatorCard, FlowModel, ModelCard, ModelFiles};
 use shakedown_sim::Protocol;
 use shakedown_trainer::evaluator::{
     Evaluator, EvaluatorPreset, TriedObject, look, train_evaluator,
@@ -99,7 +99,8 @@ pub fn run(
         least_score: args.least_score,
         redraws: args.redraws,
     });
-    card.training_data += &format!("; its evaluator: {description}");
+    forget_evaluator(&mut card);
+    card.training_data += &format!("{ITS_EVALUATOR}{description}");
     card.command += &format!("; {}", command_line());
     card.metrics.insert(format!("{name}_evaluator_auroc"), area);
     if let Some(name) = &args.name {
@@ -111,6 +112,23 @@ pub fn run(
     export::add_evaluator(&args.out, &files, &card, &weights)?;
     println!("model: {}", args.out.display());
     Ok(Exit::Success)
+}
+
+/// What a card says of its evaluator's data.
+const ITS_EVALUATOR: &str = "; its evaluator: ";
+
+/// Takes out what the card says of an evaluator that is replaced.
+fn forget_evaluator(card: &mut ModelCard) {
+    if let Some(at) = card.training_data.find(ITS_EVALUATOR) {
+        card.training_data.truncate(at);
+    }
+    let commands = card.command.split("; ");
+    let of_flow: Vec<&str> = commands
+        .filter(|c| !c.contains("--evaluator-for"))
+        .collect();
+    card.command = of_flow.join("; ");
+    card.metrics
+        .retain(|name, _| !name.ends_with("_evaluator_auroc"));
 }
 
 /// The preset under which our features are what this model sees.
@@ -130,6 +148,7 @@ fn what_it_sees(model: &FlowModel, name: &str) -> Result<Preset, Failure> {
     flow.centring = card.centring;
     flow.normalisation = card.normalisation;
     flow.steps = card.steps;
+    flow.integrator = card.integrator;
     preset.check()?;
     Ok(preset)
 }
