@@ -228,8 +228,12 @@ pub struct TrainArgs {
     #[arg(long, requires = "rectify")]
     pub try_ends: bool,
     /// Train no flow but an evaluator of this one's grasps: it draws --paths of them on each object, each
-    /// is tried, and --out becomes that model with `evaluator.onnx`
-    #[arg(long, value_name = "NAME|DIR", conflicts_with = "rectify")]
+    /// is tried, and --out becomes that model with `evaluator.onnx`. Begun again it goes on from the trials it has
+    #[arg(
+        long,
+        value_name = "NAME|DIR",
+        conflicts_with_all = ["rectify", "preset", "held_in", "min_p_hold", "minutes", "resume"]
+    )]
     pub evaluator_for: Option<String>,
     /// With --evaluator-for: a grasp whose score is lower is drawn anew
     #[arg(long, default_value_t = 0.6, value_name = "P")]

@@ -232,4 +232,14 @@ fn an_evaluator_is_the_same_on_any_number_of_threads_and_scores_what_its_model_d
     );
     assert_eq!(code, Some(3), "{message}");
     assert!(message.contains("control points"), "{message}");
+    for meaningless in [
+        &["--minutes", "1"][..],
+        &["--resume"],
+        &["--min-p-hold", "0.5"],
+    ] {
+        let of_evaluator = ["--evaluator-for", "rfm-embedded", "--out", "none"];
+        let (code, message) = train(d, &[&of_evaluator[..], meaningless].concat());
+        assert_eq!(code, Some(2), "{message}");
+        assert!(message.contains("cannot be used with"), "{message}");
+    }
 }
