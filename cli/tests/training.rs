@@ -18,6 +18,13 @@ fn train(directory: &Path, args: &[&str]) -> (Option<i32>, String) {
     (out.status.code(), message)
 }
 
+/// Such a training ends with this exit code and a message that speaks of it.
+fn refused(directory: &Path, args: &[&str], exit_code: i32, speaks_of: &str) {
+    let (code, message) = train(directory, args);
+    assert_eq!(code, Some(exit_code), "{message}");
+    assert!(message.contains(speaks_of), "{message}");
+}
+
 /// The preset `best`, made small and short.
 fn small_preset(directory: &Path) {
     let mut preset: toml::Table = include_str!("../../trainer/presets/best.toml")
@@ -93,25 +100,11 @@ fn a_second_stage_from_half_way_gives_the_same_weights_on_any_number_of_threads(
     let weights = |out: &str| fs::read(d.join(out).join("velocity.onnx")).unwrap();
     assert_eq!(weights("one"), weights("two"));
     assert_ne!(weights("one"), weights("first"));
-    let (code, message) = train(
-        d,
-        &[
-            "--data",
-            &files[0],
-            "--mesh-root",
-            &root,
-            "--rectify",
-            "first",
-            "--rectify-from",
-            "0.55",
-            "--preset",
-            "small.toml",
-            "--out",
-            "odd",
-        ],
-    );
-    assert_eq!(code, Some(2), "{message}");
-    assert!(message.contains("between two of the 10 steps"), "{message}");
+    let between = ["--rectify", "first", "--rectify-from", "0.55"];
+    let of_file = ["--data", &files[0], "--mesh-root", &root];
+    let small = ["--preset", "small.toml", "--out", "odd"];
+    let args = [of_file, between, small].concat();
+    refused(d, &args, 2, "between two of the 10 steps");
 }
 
 /// On our own shapes: what an evaluator learned, what is kept of its trials, and what it does to a draw.
@@ -219,27 +212,16 @@ fn an_evaluator_is_the_same_on_any_number_of_threads_and_scores_what_its_model_d
     ];
     let (code, message) = train(d, &strange);
     assert_eq!(code, Some(0), "{message}");
-    let (code, message) = train(
-        d,
-        &[
-            "--data",
-            "embedded",
-            "--evaluator-for",
-            "paper",
-            "--out",
-            "none",
-        ],
-    );
-    assert_eq!(code, Some(3), "{message}");
-    assert!(message.contains("control points"), "{message}");
+    let of_paper = ["--data", "embedded", "--evaluator-for", "paper"];
+    let args = [&of_paper[..], &["--out", "none"]].concat();
+    refused(d, &args, 3, "control points");
     for meaningless in [
         &["--minutes", "1"][..],
         &["--resume"],
         &["--min-p-hold", "0.5"],
     ] {
         let of_evaluator = ["--evaluator-for", "rfm-embedded", "--out", "none"];
-        let (code, message) = train(d, &[&of_evaluator[..], meaningless].concat());
-        assert_eq!(code, Some(2), "{message}");
-        assert!(message.contains("cannot be used with"), "{message}");
+        let args = [&of_evaluator[..], meaningless].concat();
+        refused(d, &args, 2, "cannot be used with");
     }
 }
