@@ -118,6 +118,10 @@ impl<'a> Batches<'a> {
             Some((sdf, rotation)) => (sdf, *rotation),
             None => (&object.sdf, UnitQuaternion::identity()),
         };
+        // Along the columns of the inverse: the axes of the turned object.
+        let moments = object
+            .moments
+            .along(rotation.inverse().to_rotation_matrix().matrix());
         let turned_by = Isometry3::from_parts(Translation3::identity(), rotation);
         let scale_m = sdf.scale_m as f32;
         let k = self.preset.training.grasps_per_object;
@@ -164,7 +168,7 @@ impl<'a> Batches<'a> {
                 from.rotation * UnitQuaternion::new(omega * s),
             );
             let out = &mut features[i * width..(i + 1) * width];
-            features::write(network, &self.probe, sdf, &here, time, out);
+            features::write(network, &self.probe, (sdf, &moments), &here, time, out);
             let v = if network.hand_frame {
                 here.rotation.inverse() * velocity * unit
             } else {

@@ -7,6 +7,7 @@ use shakedown_sampler::FlowSample;
 
 use crate::error::TrainError;
 use crate::features::{HISTOGRAM_CENTRES, LENGTH_UNIT_M};
+use crate::moments::Moments;
 use crate::pairing;
 use crate::preset::Preset;
 
@@ -21,6 +22,8 @@ pub struct TrainingObject {
     pub frame: HandFrame,
     /// Soft histogram of that grid, see [`crate::features::histogram`].
     pub histogram: Vec<f32>,
+    /// Moments of the same grid.
+    pub moments: Moments,
     /// Poses of the model's frame in the normalised frame of the grid.
     pub poses: Vec<Isometry3<f32>>,
     /// Poses on their way with the grasps that they shall become, both in that frame. What comes
@@ -47,11 +50,13 @@ impl TrainingObject {
         let grid = SdfGrid::bake(surface, flow.resolution, flow.padding);
         let sdf = NormalisedSdf::new(&grid, flow.normalisation);
         let histogram = crate::features::histogram(&sdf.values, &HISTOGRAM_CENTRES);
+        let moments = Moments::new(&sdf.values, sdf.resolution);
         let mut object = Self {
             id: id.to_owned(),
             sdf,
             frame,
             histogram,
+            moments,
             poses: Vec::new(),
             pairs: Vec::new(),
         };

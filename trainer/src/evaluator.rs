@@ -17,7 +17,7 @@ use crate::error::TrainError;
 use crate::features;
 use crate::layer::{Layer, back_to_first, linear_back, onward};
 use crate::network::{Parameter, drawn};
-use crate::preset::{NetworkPreset, Preset, TrainingPreset};
+use crate::preset::TrainingPreset;
 
 /// Grasps of one object that were tried.
 #[derive(Debug, Clone)]
@@ -50,14 +50,8 @@ impl EvaluatorPreset {
     }
 }
 
-/// What a velocity network that sees from the hand takes besides time and latent comes first among its
-/// features; that is what an evaluator sees.
-pub fn inputs(network: &NetworkPreset) -> usize {
-    features::count(network) - features::TIMES
-}
-
 /// Fresh weights.
-pub fn initial(flow: &Preset, preset: &EvaluatorPreset, run_seed: u64) -> Vec<Parameter> {
+pub fn initial(preset: &EvaluatorPreset, run_seed: u64) -> Vec<Parameter> {
     let mut shapes = Vec::new();
     let mut add = |name: String, inputs: usize, outputs: usize| {
         shapes.push((format!("{name}.weight"), vec![outputs, inputs]));
@@ -65,7 +59,7 @@ pub fn initial(flow: &Preset, preset: &EvaluatorPreset, run_seed: u64) -> Vec<Pa
     };
     add(
         "evaluator.layer0".into(),
-        inputs(&flow.network),
+        features::seen_count(),
         preset.width,
     );
     for i in 1..preset.layers {
@@ -137,23 +131,20 @@ impl Evaluator {
 
 /// Writes what the network sees of poses of one object, row by row.
 pub fn look(
-    flow: &Preset,
     probe: &Probe,
     sdf: &NormalisedSdf,
     poses: impl Iterator<Item = Isometry3<f32>>,
     out: &mut Vec<f32>,
 ) {
-    let mut row = vec![0.0; features::count(&flow.network)];
-    let seen = inputs(&flow.network);
+    let mut row = vec![0.0; features::seen_count()];
     for pose in poses {
-        features::write(&flow.network, probe, sdf, &pose, 1.0, &mut row);
-        out.extend_from_slice(&row[..seen]);
+        features::from_the_hand(probe, sdf, &pose, &mut row);
+        out.extend_from_slice(&row);
     }
 }
 
 /// One step's examples: `batch` grasps of objects drawn at random, by seed and step alone.
 fn examples(
-    flow: &Preset,
     preset: &EvaluatorPreset,
     probe: &Probe,
     objects: &[TriedObject],
@@ -172,7 +163,7 @@ fn examples(
                 .collect();
             let mut features = Vec::new();
             let poses = picks.iter().map(|p| p.0);
-            look(flow, probe, &object.sdf, poses, &mut features);
+            look(probe, &object.sdf, poses, &mut features);
             (features, picks.into_iter().map(|p| p.1).collect())
         })
         .collect();
@@ -190,7 +181,6 @@ fn examples(
 /// # Errors
 /// Nothing to learn from; a loss that is not finite.
 pub fn train_evaluator(
-    flow: &Preset,
     preset: &EvaluatorPreset,
     objects: &[TriedObject],
     run_seed: u64,
@@ -204,9 +194,9 @@ pub fn train_evaluator(
         ));
     }
     let probe = Probe::new(&features::control_points_m());
-    let mut weights = Weights::new(initial(flow, preset, run_seed));
+    let mut weights = Weights::new(initial(preset, run_seed));
     let mut network = Evaluator::default();
-    let batch = |step| examples(flow, preset, &probe, objects, run_seed, step);
+    let batch = |step| examples(preset, &probe, objects, run_seed, step);
     let mut next = batch(0);
     while weights.step < preset.training.steps {
         let step = weights.step;
@@ -228,6 +218,7 @@ pub fn train_evaluator(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::preset::Preset;
     use nalgebra::Translation3;
     use shakedown_objects::SdfGrid;
     use shakedown_objects::shapes::Family;
@@ -261,9 +252,9 @@ mod tests {
         let probe = Probe::new(&features::control_points_m());
         let mut seen = Vec::new();
         let poses = object.ends.iter().map(|e| e.0);
-        look(&flow, &probe, &object.sdf, poses, &mut seen);
+        look(&probe, &object.sdf, poses, &mut seen);
         let is_good: Vec<bool> = object.ends.iter().map(|e| e.1).collect();
-        let parameters = initial(&flow, &preset, 3);
+        let parameters = initial(&preset, 3);
         let mut network = Evaluator::default();
         let by = network.gradients(&parameters, &seen, &is_good).1.to_vec();
         let mut loss = |p: &[Parameter]| f64::from(network.gradients(p, &seen, &is_good).0);
@@ -298,13 +289,13 @@ mod tests {
         let object = tried(&flow);
         let objects = [object.clone()];
         let mut losses = Vec::new();
-        let weights = train_evaluator(&flow, &preset, &objects, 1, |_, loss, _| losses.push(loss));
+        let weights = train_evaluator(&preset, &objects, 1, |_, loss, _| losses.push(loss));
         let weights = weights.unwrap();
         assert!(losses[0] > 0.5 && losses[299] < 0.2, "{losses:?}");
         let probe = Probe::new(&features::control_points_m());
         let mut seen = Vec::new();
         let poses = object.ends.iter().map(|e| e.0);
-        look(&flow, &probe, &object.sdf, poses, &mut seen);
+        look(&probe, &object.sdf, poses, &mut seen);
         let mut network = Evaluator::default();
         let logits = network.forward(&weights, &seen);
         let right = logits
@@ -312,11 +303,11 @@ mod tests {
             .zip(&object.ends)
             .filter(|(x, e)| (**x > 0.0) == e.1);
         assert!(right.count() >= 74);
-        let again = train_evaluator(&flow, &preset, &objects, 1, |_, _, _| {});
+        let again = train_evaluator(&preset, &objects, 1, |_, _, _| {});
         assert_eq!(again.unwrap(), weights);
         let mut all_good = object;
         all_good.ends.retain(|e| e.1);
-        let error = train_evaluator(&flow, &preset, &[all_good], 1, |_, _, _| {});
+        let error = train_evaluator(&preset, &[all_good], 1, |_, _, _| {});
         assert!(error.unwrap_err().to_string().contains("did not"));
     }
 }

@@ -12,13 +12,15 @@ use shakedown_sampler::{ModelCard, ModelFiles};
 use crate::checkpoint::replace;
 use crate::conv::KERNEL;
 use crate::error::TrainError;
+use crate::export_moments::{moments_along, moments_of};
 use crate::features::{
     self, DISTANCE_WIDTHS_M, HISTOGRAM_CENTRES, HISTOGRAM_STEEPNESS, LENGTH_UNIT_M,
     TIME_FREQUENCIES,
 };
+use crate::moments;
 use crate::network::{CHANNELS, OUTPUTS, Parameter};
 use crate::onnx::{Attribute, Dimension, Graph};
-use crate::preset::{Encoder, Preset};
+use crate::preset::{Encoder, NetworkPreset, Preset};
 
 /// What the card says that the preset does not know.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -137,7 +139,7 @@ fn silu(graph: &mut Graph, x: &str) -> String {
     graph.node("Mul", &[x, &s])
 }
 
-fn scaled(graph: &mut Graph, x: &str, factor: f32) -> String {
+pub(crate) fn scaled(graph: &mut Graph, x: &str, factor: f32) -> String {
     let c = graph.floats(&[1], &[factor]);
     graph.node("Mul", &[x, &c])
 }
@@ -190,9 +192,18 @@ fn encoder(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
             weights.linear(&mut g, "encoder.out", &x)
         }
     };
-    let latent = silu(&mut g, &latent);
-    g.output("latent", &latent, &[ANY, n(preset.network.latent)]);
+    let mut latent = silu(&mut g, &latent);
+    if preset.network.moments {
+        let moments = moments_of(&mut g, &sdf, preset.flow.resolution);
+        latent = concat(&mut g, &[&latent, &moments]);
+    }
+    g.output("latent", &latent, &[ANY, n(latent_count(&preset.network))]);
     g.finish("encoder")
+}
+
+/// Length of the latent of the contract: what the encoder learned, then the moments.
+fn latent_count(network: &NetworkPreset) -> usize {
+    network.latent + if network.moments { moments::COUNT } else { 0 }
 }
 
 fn convolutions(g: &mut Graph, weights: &Weights<'_>, sdf: &str) -> String {
@@ -224,7 +235,7 @@ fn convolutions(g: &mut Graph, weights: &Weights<'_>, sdf: &str) -> String {
     g.node_with("Flatten", &[&x], &[("axis", Attribute::Int(1))])
 }
 
-fn concat(g: &mut Graph, parts: &[&str]) -> String {
+pub(crate) fn concat(g: &mut Graph, parts: &[&str]) -> String {
     g.node_with("Concat", parts, &[("axis", Attribute::Int(1))])
 }
 
@@ -233,7 +244,7 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
     let weights = Weights(parameters);
     let network = &preset.network;
     let mut g = Graph::default();
-    let latent = g.input("latent", &[ANY, n(network.latent)]);
+    let latent = g.input("latent", &[ANY, n(latent_count(network))]);
     let rotation = g.input("rotation", &[ANY, n(3), n(3)]);
     let translation = g.input("translation", &[ANY, n(3)]);
     let time = g.input("time", &[ANY, n(1)]);
@@ -254,7 +265,14 @@ fn velocity(preset: &Preset, parameters: &[Parameter]) -> Vec<u8> {
     let phase = g.node("Mul", &[&time, &multiples]);
     parts.push(g.node("Sin", &[&phase]));
     parts.push(g.node("Cos", &[&phase]));
-    parts.push(latent);
+    if network.moments {
+        let learned = network.latent as i64;
+        let moments = columns(&mut g, &latent, learned, learned + moments::COUNT as i64);
+        parts.push(moments_along(&mut g, &moments, &rotation, &scale_in_units));
+        parts.push(columns(&mut g, &latent, 0, learned));
+    } else {
+        parts.push(latent);
+    }
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
     let x = concat(&mut g, &parts);
     let x = hidden(&mut g, &weights, "velocity", network.layers, &x);
@@ -320,7 +338,7 @@ fn hidden(g: &mut Graph, weights: &Weights<'_>, name: &str, layers: usize, x: &s
     x
 }
 
-fn reshaped(g: &mut Graph, x: &str, shape: &[i64]) -> String {
+pub(crate) fn reshaped(g: &mut Graph, x: &str, shape: &[i64]) -> String {
     let shape = g.integers(shape);
     g.node("Reshape", &[x, &shape])
 }

@@ -4,6 +4,7 @@ use nalgebra::Isometry3;
 use shakedown_objects::{NormalisedSdf, Probe};
 
 use crate::activation::tanh;
+use crate::moments::{self, Moments};
 use crate::preset::NetworkPreset;
 
 /// Lengths inside the network are in decimetres, the size of a hand.
@@ -75,67 +76,81 @@ pub fn control_points_m() -> Vec<[f64; 3]> {
     points
 }
 
-/// How many numbers describe a time; they come last.
+/// How many numbers describe a time.
 pub const TIMES: usize = 1 + 2 * TIME_FREQUENCIES.len();
+
+/// How many numbers say where the grid's centre is, and the scale.
+const CENTRE_AND_SCALE: usize = 3 + 1;
+
+/// How many numbers say what can be seen from the hand; they come first.
+pub fn seen_count() -> usize {
+    DISTANCE_WIDTHS_M.len() * control_points_m().len() + CENTRE_AND_SCALE
+}
 
 /// How many numbers describe one pose and time.
 pub fn count(network: &NetworkPreset) -> usize {
     let pose = if network.hand_frame {
-        DISTANCE_WIDTHS_M.len() * control_points_m().len() + 3 + 1
+        seen_count()
     } else {
         9 + 3
     };
-    pose + TIMES
+    let moments = if network.moments { moments::COUNT } else { 0 };
+    pose + TIMES + moments
+}
+
+/// Writes what can be seen from the hand in a pose (normalised frame): distances at the points of `probe`
+/// ([`control_points_m`]), the grid's centre, the scale.
+pub fn from_the_hand(probe: &Probe, sdf: &NormalisedSdf, pose: &Isometry3<f32>, out: &mut [f32]) {
+    let scale_m = sdf.scale_m as f32;
+    let rotation = pose.rotation.to_rotation_matrix();
+    let t = pose.translation.vector;
+    let (distances, rest) = out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len());
+    let (first, second) = distances.split_at_mut(probe.len());
+    sdf.at_probe(probe, &(rotation.matrix() / scale_m), &t, first);
+    second.copy_from_slice(first);
+    for (part, width) in [first, second].into_iter().zip(DISTANCE_WIDTHS_M) {
+        tanh(part, scale_m / width);
+    }
+    let centre = rotation.inverse() * t * (scale_m / LENGTH_UNIT_M);
+    rest[..3].copy_from_slice(centre.as_slice());
+    rest[3] = (scale_m / LENGTH_UNIT_M).ln();
 }
 
 /// Writes the features of a pose (normalised frame) at a time into `out`; `probe` holds the
-/// [`control_points_m`].
+/// [`control_points_m`], `moments` are those of the grid in its own axes.
 pub fn write(
     network: &NetworkPreset,
     probe: &Probe,
-    sdf: &NormalisedSdf,
+    (sdf, moments): (&NormalisedSdf, &Moments),
     pose: &Isometry3<f32>,
     time: f32,
     out: &mut [f32],
 ) {
-    let scale_m = sdf.scale_m as f32;
     let rotation = pose.rotation.to_rotation_matrix();
-    let t = pose.translation.vector;
-    let (distances, rest) = if network.hand_frame {
-        out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len())
+    let rest = if network.hand_frame {
+        let (seen, rest) =
+            out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len() + CENTRE_AND_SCALE);
+        from_the_hand(probe, sdf, pose, seen);
+        rest
     } else {
-        out.split_at_mut(0)
+        let (seen, rest) = out.split_at_mut(9 + 3);
+        let entries = rotation.matrix().transpose();
+        seen[..9].copy_from_slice(entries.as_slice());
+        seen[9..].copy_from_slice(pose.translation.vector.as_slice());
+        rest
     };
-    let mut k = 0;
-    let mut put = |x: f32| {
-        rest[k] = x;
-        k += 1;
-    };
-    if network.hand_frame {
-        let (first, second) = distances.split_at_mut(probe.len());
-        sdf.at_probe(probe, &(rotation.matrix() / scale_m), &t, first);
-        second.copy_from_slice(first);
-        for (part, width) in [first, second].into_iter().zip(DISTANCE_WIDTHS_M) {
-            tanh(part, scale_m / width);
-        }
-        let centre = rotation.inverse() * t * (scale_m / LENGTH_UNIT_M);
-        for x in centre.iter() {
-            put(*x);
-        }
-        put((scale_m / LENGTH_UNIT_M).ln());
-    } else {
-        for i in 0..9 {
-            put(rotation.matrix()[(i / 3, i % 3)]);
-        }
-        for x in t.iter() {
-            put(*x);
-        }
+    let (times, rest) = rest.split_at_mut(TIMES);
+    times[0] = time;
+    for (k, f) in TIME_FREQUENCIES.into_iter().enumerate() {
+        let phase = std::f32::consts::PI * f * time;
+        times[1 + k] = phase.sin();
+        times[1 + TIME_FREQUENCIES.len() + k] = phase.cos();
     }
-    put(time);
-    for f in TIME_FREQUENCIES {
-        put((std::f32::consts::PI * f * time).sin());
-    }
-    for f in TIME_FREQUENCIES {
-        put((std::f32::consts::PI * f * time).cos());
+    if network.moments {
+        let unit = sdf.scale_m as f32 / LENGTH_UNIT_M;
+        let along = moments.along(rotation.matrix());
+        for (out, m) in rest.iter_mut().zip(along.0.as_flattened()) {
+            *out = m * unit;
+        }
     }
 }

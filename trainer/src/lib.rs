@@ -1,7 +1,7 @@
 //! Where the flow model comes from: Riemannian flow matching on SE(3), trained in Rust and
 //! exported to the two ONNX graphs of the contract.
 //!
-//! data ([`data`]) -> batches of noise, path and target ([`batch`], [`pairing`], [`features`]) ->
+//! data ([`data`]) -> batches of noise, path and target ([`batch`], [`pairing`], [`features`], [`moments`]) ->
 //! network ([`network`]) and gradient ([`gradient`], of [`layer`], [`conv`], [`activation`] and
 //! [`product`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
 //! checkpoints and a log -> graphs ([`export`], [`onnx`]).
@@ -20,10 +20,12 @@ pub mod data;
 pub mod error;
 pub mod evaluator;
 pub mod export;
+mod export_moments;
 pub mod features;
 pub mod gradient;
 pub mod history;
 pub mod layer;
+pub mod moments;
 pub mod network;
 pub mod onnx;
 pub mod pairing;

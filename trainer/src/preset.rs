@@ -44,6 +44,10 @@ pub struct NetworkPreset {
     /// Pose and velocity in metres in the hand's own frame, and the object's distances at points
     /// fixed to the hand: turning object and hand together then changes nothing.
     pub hand_frame: bool,
+    /// Beside the latent, the moments of the object's surface in the hand's axes
+    /// ([`crate::moments`]): to which side most of it lies.
+    #[serde(default)]
+    pub moments: bool,
     /// Width of the hidden layers.
     pub width: usize,
     /// Number of hidden layers; all but the first add to their input.
@@ -183,6 +187,12 @@ impl Preset {
                 "flow.resolution is {}: the convolutions halve it four times, give a multiple of 16",
                 f.resolution
             ));
+        }
+        if n.moments && !(n.hand_frame && f.normalisation == Normalisation::HalfEdge) {
+            return Err(
+                "network.moments needs network.hand_frame and flow.normalisation = \"half_edge\""
+                    .into(),
+            );
         }
         let positive = [
             ("flow.noise_translation_std", f.noise_translation_std),

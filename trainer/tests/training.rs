@@ -9,7 +9,7 @@ use std::time::Duration;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
-use shakedown_objects::{Object, Probe};
+use shakedown_objects::{Normalisation, Object, Probe};
 use shakedown_sampler::{
     AntipodalSettings, DrawSettings, EvaluatorCard, FlowModel, ModelFiles, sample_antipodal,
 };
@@ -18,6 +18,7 @@ use shakedown_trainer::evaluator::{self, Evaluator, EvaluatorPreset};
 use shakedown_trainer::export::{Provenance, add_evaluator, export};
 use shakedown_trainer::gradient::Network;
 use shakedown_trainer::history::Entry;
+use shakedown_trainer::moments::Moments;
 use shakedown_trainer::network::initial;
 use shakedown_trainer::{
     Observer, Pair, Preset, Progress, TrainError, Training, TrainingObject, features, train,
@@ -139,7 +140,8 @@ fn the_exported_graphs_are_the_network() {
                 Translation3::from(path.states[0].translation.cast::<f32>()),
                 path.states[0].rotation.cast(),
             );
-            features::write(&preset.network, &points, &own.sdf, &pose, 0.0, out);
+            let seen = (&own.sdf, &own.moments);
+            features::write(&preset.network, &points, seen, &pose, 0.0, out);
         }
         let mut network = Network::new(&preset);
         let raw = network.forward(&parameters, &batch);
@@ -181,7 +183,7 @@ fn the_exported_evaluator_is_the_network() {
     });
     let mut preset = EvaluatorPreset::built_in();
     preset.width = 24;
-    let mut parameters = evaluator::initial(&flow, &preset, 2);
+    let mut parameters = evaluator::initial(&preset, 2);
     for p in &mut parameters {
         for (i, v) in p.values.iter_mut().enumerate() {
             *v += 0.01 * ((i * 7919) % 13) as f32 - 0.06;
@@ -198,13 +200,7 @@ fn the_exported_evaluator_is_the_network() {
     let own = own.unwrap();
     let probe = Probe::new(&features::control_points_m());
     let mut seen = Vec::new();
-    evaluator::look(
-        &flow,
-        &probe,
-        &own.sdf,
-        own.poses.iter().copied(),
-        &mut seen,
-    );
+    evaluator::look(&probe, &own.sdf, own.poses.iter().copied(), &mut seen);
     let mut network = Evaluator::default();
     let logits = network.forward(&parameters, &seen);
     for (grasp, logit) in grasps.iter().zip(logits) {
@@ -389,6 +385,7 @@ fn in_the_hands_frame_a_turn_of_the_scene_changes_no_target() {
                 }
             }
         }
+        o.moments = Moments::new(&o.sdf.values, n);
         o.pairs = vec![from_noise(
             Isometry3::translation(0.2, 0.1, 0.3),
             o.poses[0],
@@ -444,6 +441,11 @@ fn what_cannot_be_learned_is_said_and_the_last_checkpoint_stays() {
     resumed.resume = true;
     let error = train(&resumed, &mut Quiet).unwrap_err();
     assert!(error.to_string().contains("another preset"), "{error}");
+
+    let mut unseen = preset.clone();
+    unseen.flow.normalisation = Normalisation::MaxAbs;
+    let error = unseen.check().unwrap_err();
+    assert!(error.to_string().contains("half_edge"), "{error}");
 
     let mut wild = small("best");
     wild.training.learning_rate = 1e30;

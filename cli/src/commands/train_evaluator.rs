@@ -75,13 +75,13 @@ pub fn run(
     progress::note(global, &description);
     let bar = progress::bar(global, preset.training.steps);
     bar.set_message("evaluator");
-    let weights = train_evaluator(&seen, &preset, &learned, global.seed, |step, loss, now| {
+    let weights = train_evaluator(&preset, &learned, global.seed, |step, loss, now| {
         bar.set_position(step);
         if step.is_multiple_of(50) {
             bar.set_message(format!("evaluator {loss:.3}"));
         }
         if step.is_multiple_of(VALIDATION_STEPS) && !held_out.is_empty() && !global.quiet {
-            let judged = judged(&seen, &now.averaged(), &held_out);
+            let judged = judged(&now.averaged(), &held_out);
             let area = auroc(&judged).unwrap_or(f64::NAN);
             bar.suspend(|| eprintln!("step {step}: AUROC {area:.3} on objects held out"));
         }
@@ -91,7 +91,7 @@ pub fn run(
         true => ("training_objects", &learned),
         false => ("held_out_objects", &held_out),
     };
-    let judged = judged(&seen, &weights, objects);
+    let judged = judged(&weights, objects);
     let area = auroc(&judged).unwrap_or(f64::NAN);
     println!("evaluator: AUROC {area:.3} ({name})");
     report(judged);
@@ -255,14 +255,14 @@ impl Maker<'_> {
 }
 
 /// Scores (logits) of all grasps, with what became of them.
-fn judged(seen: &Preset, weights: &[Parameter], objects: &[TriedObject]) -> Vec<(f64, bool)> {
+fn judged(weights: &[Parameter], objects: &[TriedObject]) -> Vec<(f64, bool)> {
     let probe = Probe::new(&control_points_m());
     objects
         .par_iter()
         .flat_map_iter(|object| {
             let mut features = Vec::new();
             let poses = object.ends.iter().map(|e| e.0);
-            look(seen, &probe, &object.sdf, poses, &mut features);
+            look(&probe, &object.sdf, poses, &mut features);
             let mut evaluator = Evaluator::default();
             let logits = evaluator.forward(weights, &features).to_vec();
             let good = object.ends.iter().map(|e| e.1);
