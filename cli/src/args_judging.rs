@@ -199,8 +199,8 @@ pub struct TrainArgs {
     /// Learn only from grasps whose p_hold by geometry is at least this
     #[arg(long, value_name = "P")]
     pub min_p_hold: Option<f64>,
-    /// With files: learn from N stretched copies of each object too; its grasps are carried along and
-    /// kept where geometry says that they hold
+    /// With files: learn from N stretched copies of each object too, by antipodal candidates where geometry says
+    /// that they hold
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub stretched: u64,
     /// With files: keep N of the objects out of the training and validate on them
@@ -209,7 +209,7 @@ pub struct TrainArgs {
     /// With `embedded`: variants of each of the twelve families
     #[arg(long, default_value_t = 16, value_name = "N")]
     pub variants: u64,
-    /// With `embedded`: antipodal candidates tried on each variant
+    /// With `embedded`: antipodal candidates tried on each variant; with --stretched: candidates on each copy
     #[arg(long, default_value_t = 200, value_name = "N")]
     pub candidates: u64,
     /// `best`, `paper`, or a TOML file of the same keys

@@ -193,16 +193,25 @@ impl Context<'_> {
         let (object, good) = self.good_grasps(source)?;
         let mut learned = vec![self.one(&object, &good, preset, teacher)?];
         for index in 0..self.args.stretched {
-            let (copy, stretch) = stretched::copy(&object, index, self.global.seed);
-            let carried = good
-                .iter()
-                .map(|g| stretched::carry(g, &stretch, self.gripper.tcp_z_m))
-                .collect();
-            let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
-            let carried = self.likely(&copy, carried, least)?;
-            learned.push(self.one(&copy, &carried, preset, teacher)?);
+            let copy = stretched::copy(&object, index, self.global.seed);
+            let likely = self.likely_candidates(&copy)?;
+            learned.push(self.one(&copy, &likely, preset, teacher)?);
         }
         Ok((learned, object))
+    }
+
+    /// Candidates that lie as ACRONYM's do, where geometry says that they hold: a stretched wall may have become
+    /// thin enough for the hand, or too thick, so the grasps of the original would not be all, nor all good.
+    fn likely_candidates(&self, object: &Object) -> Result<Vec<Grasp>, Failure> {
+        let settings = AntipodalSettings::like_acronym();
+        let (count, seed) = (self.args.candidates, self.global.seed);
+        let candidates = sample_antipodal(object, self.gripper, count, seed, &settings);
+        let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
+        let approval = Approval::new(object, self.gripper, least)?;
+        Ok(candidates
+            .into_par_iter()
+            .filter(|g| approval.is_good(&g.object_from_hand))
+            .collect())
     }
 
     fn one(

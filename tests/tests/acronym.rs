@@ -6,6 +6,8 @@ use nalgebra::Translation3;
 use shakedown_classifier::{HandModel, Thresholds, classify};
 use shakedown_gripper_assets::io::acronym_h5::read_motions;
 use shakedown_gripper_assets::{Gripper, ReadOptions, read_grasps};
+use shakedown_metrics::distribution::distances;
+use shakedown_sampler::{AntipodalSettings, sample_antipodal};
 use shakedown_sim::{Protocol, Scene, run_trial};
 use shakedown_tests::{SAMPLE_MUG, acronym_object, files, shared};
 
@@ -257,4 +259,42 @@ fn the_calibrated_trial_agrees_with_flex_and_half_the_time_step_changes_almost_n
         "{same} of {}",
         coarse.len()
     );
+}
+
+/// Not on the 20 files to which the settings were fitted.
+#[test]
+fn candidates_like_acronyms_lie_nearer_to_its_candidates_than_the_strict_ones_do() {
+    let Some(root) = shared("candidates like ACRONYM's") else {
+        return;
+    };
+    let seen = root.join("acronym/seen");
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let mut sums = [0.0; 3];
+    for path in files(&seen.join("grasps"), "h5").iter().skip(3).step_by(10) {
+        let file = read_grasps(path, &ReadOptions::default()).unwrap();
+        let object = acronym_object(&seen, &file);
+        let every_tenth = |first: usize| -> Vec<_> {
+            let grasps = file.grasps.iter().skip(first).step_by(10);
+            grasps.map(|g| g.object_from_hand).collect()
+        };
+        let theirs: Vec<_> = every_tenth(0);
+        let mut add = |k: usize, poses: &[_]| {
+            let n = theirs.len().min(poses.len());
+            sums[k] += distances(&poses[..n], &theirs[..n]).emd_se3dif;
+        };
+        add(0, &every_tenth(5));
+        let settings = [
+            AntipodalSettings::like_acronym(),
+            AntipodalSettings::default(),
+        ];
+        for (k, settings) in settings.iter().enumerate() {
+            let drawn = sample_antipodal(&object, &gripper, 200, 0, settings);
+            let poses: Vec<_> = drawn.iter().map(|g| g.object_from_hand).collect();
+            add(1 + k, &poses);
+        }
+    }
+    let [floor, like, strict] = sums;
+    println!("times the floor: {} and {}", like / floor, strict / floor);
+    assert!(like < 1.3 * floor, "{}", like / floor);
+    assert!(strict > 1.3 * floor, "{}", strict / floor);
 }

@@ -197,7 +197,7 @@ impl Maker<'_> {
         let object = source.object(self.args)?;
         let mut all = vec![self.tried_object(&object)?];
         for index in 0..copies {
-            let (copy, _) = stretched::copy(&object, index, self.global.seed);
+            let copy = stretched::copy(&object, index, self.global.seed);
             all.push(self.tried_object(&copy)?);
         }
         Ok(all)
