@@ -20,7 +20,7 @@ from torch import nn
 PRESETS = {
     # objects, grasps each, features, latent, layers, their width; grid edge or histogram bins
     "paper": (16, 64, 9 + 3 + 1 + 8, 256, 4, 512, 32),
-    "best": (8, 64, 2 * 365 + 3 + 1 + 1 + 8, 32, 5, 576, 16),
+    "best": (32, 16, 2 * 386 + 3 + 1 + 1 + 8 + 80, 24, 5, 560, 16),
 }
 
 
