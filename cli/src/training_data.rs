@@ -176,6 +176,11 @@ struct Context<'a> {
 }
 
 impl Context<'_> {
+    /// What is asked of grasps that nobody labelled.
+    fn least_p_hold(&self) -> f64 {
+        self.args.min_p_hold.unwrap_or(LEAST_P_HOLD)
+    }
+
     fn good_grasps(&self, source: &Source) -> Result<(Object, Vec<Grasp>), Failure> {
         match source {
             Source::File(path) => self.acronym(path),
@@ -206,8 +211,7 @@ impl Context<'_> {
         let settings = AntipodalSettings::like_acronym();
         let (count, seed) = (self.args.candidates, self.global.seed);
         let candidates = sample_antipodal(object, self.gripper, count, seed, &settings);
-        let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
-        let approval = Approval::new(object, self.gripper, least)?;
+        let approval = Approval::new(object, self.gripper, self.least_p_hold())?;
         Ok(candidates
             .into_par_iter()
             .filter(|g| approval.is_good(&g.object_from_hand))
@@ -229,8 +233,7 @@ impl Context<'_> {
         };
         let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
         if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
-            let least = self.args.min_p_hold.unwrap_or(LEAST_P_HOLD);
-            let mut approval = Approval::new(object, self.gripper, least)?;
+            let mut approval = Approval::new(object, self.gripper, self.least_p_hold())?;
             if self.args.try_ends {
                 approval = approval.with_trial(self.scene(object)?);
             }

@@ -114,14 +114,13 @@ impl<'a> Batches<'a> {
         let turned = flow
             .random_rotation
             .then(|| turn(&object.sdf, seed::uniform_rotation(rng).cast()));
-        let (sdf, rotation) = match &turned {
-            Some((sdf, rotation)) => (sdf, *rotation),
-            None => (&object.sdf, UnitQuaternion::identity()),
+        let (sdf, moments, rotation) = match &turned {
+            Some((sdf, rotation)) => {
+                let back = rotation.inverse().to_rotation_matrix();
+                (sdf, object.moments.along(back.matrix()), *rotation)
+            }
+            None => (&object.sdf, object.moments, UnitQuaternion::identity()),
         };
-        // Along the columns of the inverse: the axes of the turned object.
-        let moments = object
-            .moments
-            .along(rotation.inverse().to_rotation_matrix().matrix());
         let turned_by = Isometry3::from_parts(Translation3::identity(), rotation);
         let scale_m = sdf.scale_m as f32;
         let k = self.preset.training.grasps_per_object;

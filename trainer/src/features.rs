@@ -79,12 +79,9 @@ pub fn control_points_m() -> Vec<[f64; 3]> {
 /// How many numbers describe a time.
 pub const TIMES: usize = 1 + 2 * TIME_FREQUENCIES.len();
 
-/// How many numbers say where the grid's centre is, and the scale.
-const CENTRE_AND_SCALE: usize = 3 + 1;
-
 /// How many numbers say what can be seen from the hand; they come first.
 pub fn seen_count() -> usize {
-    DISTANCE_WIDTHS_M.len() * control_points_m().len() + CENTRE_AND_SCALE
+    DISTANCE_WIDTHS_M.len() * control_points_m().len() + 3 + 1
 }
 
 /// How many numbers describe one pose and time.
@@ -99,21 +96,28 @@ pub fn count(network: &NetworkPreset) -> usize {
 }
 
 /// Writes what can be seen from the hand in a pose (normalised frame): distances at the points of `probe`
-/// ([`control_points_m`]), the grid's centre, the scale.
-pub fn from_the_hand(probe: &Probe, sdf: &NormalisedSdf, pose: &Isometry3<f32>, out: &mut [f32]) {
+/// ([`control_points_m`]), the grid's centre, the scale. Returns what of `out` comes after it.
+pub fn from_the_hand<'o>(
+    probe: &Probe,
+    sdf: &NormalisedSdf,
+    pose: &Isometry3<f32>,
+    out: &'o mut [f32],
+) -> &'o mut [f32] {
     let scale_m = sdf.scale_m as f32;
     let rotation = pose.rotation.to_rotation_matrix();
     let t = pose.translation.vector;
-    let (distances, rest) = out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len());
-    let (first, second) = distances.split_at_mut(probe.len());
+    let (first, rest) = out.split_at_mut(probe.len());
+    let (second, rest) = rest.split_at_mut(probe.len());
     sdf.at_probe(probe, &(rotation.matrix() / scale_m), &t, first);
     second.copy_from_slice(first);
     for (part, width) in [first, second].into_iter().zip(DISTANCE_WIDTHS_M) {
         tanh(part, scale_m / width);
     }
+    let (centre_and_scale, after) = rest.split_at_mut(3 + 1);
     let centre = rotation.inverse() * t * (scale_m / LENGTH_UNIT_M);
-    rest[..3].copy_from_slice(centre.as_slice());
-    rest[3] = (scale_m / LENGTH_UNIT_M).ln();
+    centre_and_scale[..3].copy_from_slice(centre.as_slice());
+    centre_and_scale[3] = (scale_m / LENGTH_UNIT_M).ln();
+    after
 }
 
 /// Writes the features of a pose (normalised frame) at a time into `out`; `probe` holds the
@@ -128,10 +132,7 @@ pub fn write(
 ) {
     let rotation = pose.rotation.to_rotation_matrix();
     let rest = if network.hand_frame {
-        let (seen, rest) =
-            out.split_at_mut(DISTANCE_WIDTHS_M.len() * probe.len() + CENTRE_AND_SCALE);
-        from_the_hand(probe, sdf, pose, seen);
-        rest
+        from_the_hand(probe, sdf, pose, out)
     } else {
         let (seen, rest) = out.split_at_mut(9 + 3);
         let entries = rotation.matrix().transpose();
