@@ -188,7 +188,8 @@ impl Context<'_> {
         }
     }
 
-    /// What a source teaches, by its object and the stretched copies of it; and that object.
+    /// What a source teaches, by its object and the stretched copies of it, which together are shown as often; and
+    /// that object.
     fn learned(
         &self,
         source: &Source,
@@ -200,7 +201,9 @@ impl Context<'_> {
         for index in 0..self.args.stretched {
             let copy = stretched::copy(&object, index, self.global.seed);
             let likely = self.likely_candidates(&copy)?;
-            learned.push(self.one(&copy, &likely, preset, teacher)?);
+            let mut copy = self.one(&copy, &likely, preset, teacher)?;
+            copy.share = 1.0 / self.args.stretched as f32;
+            learned.push(copy);
         }
         Ok((learned, object))
     }
@@ -232,6 +235,7 @@ impl Context<'_> {
             None => (object, good),
         };
         let mut trained = TrainingObject::new(&object.id, &object.surface, good, tcp_z_m, preset)?;
+        trained.couple(preset, self.global.seed);
         if let Some(teacher) = teacher.filter(|_| !good.is_empty()) {
             let mut approval = Approval::new(object, self.gripper, self.least_p_hold())?;
             if self.args.try_ends {

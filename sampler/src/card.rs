@@ -74,6 +74,17 @@ pub enum Centring {
     SnugBox,
 }
 
+/// Where the translations begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseKind {
+    /// Normally distributed about the middle of the grid.
+    #[default]
+    Normal,
+    /// Close to the object's surface ([`crate::shell::Shell`]).
+    Surface,
+}
+
 /// When a grasp is drawn anew: the table `[evaluator]` of `model.toml`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -137,6 +148,9 @@ pub struct ModelCard {
     /// Standard deviation of the initial translation, in the normalised frame. Initial rotations
     /// are uniform.
     pub noise_translation_std: f64,
+    /// Where translations begin.
+    #[serde(default)]
+    pub noise: NoiseKind,
     /// Steps from time 0 to 1.
     pub steps: usize,
     /// Integrator.

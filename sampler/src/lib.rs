@@ -10,6 +10,7 @@ pub mod files;
 pub mod flow;
 pub mod noise;
 pub mod seed;
+pub mod shell;
 
 #[cfg(feature = "onnx")]
 mod graph;
@@ -21,7 +22,7 @@ pub mod runtime;
 mod vet;
 
 pub use antipodal::{AntipodalSettings, sample_antipodal};
-pub use card::{Centring, EvaluatorCard, Integrator, ModelCard, ModelError};
+pub use card::{Centring, EvaluatorCard, Integrator, ModelCard, ModelError, NoiseKind};
 pub use files::{ModelFiles, built_in_names};
 pub use flow::{FlowSample, VelocityField, integrate};
 #[cfg(feature = "onnx")]

@@ -7,12 +7,13 @@ use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 use shakedown_gripper_assets::{Grasp, Gripper, HandFrame};
 use shakedown_objects::{NormalisedSdf, Object, Probe, SdfGrid};
 
-use crate::card::{Centring, ModelCard, ModelError};
+use crate::card::{Centring, ModelCard, ModelError, NoiseKind};
 use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, Way, integrate};
 use crate::graph::{Graph, Input};
 use crate::noise::Noise;
 use crate::runtime::{Runtime, runtime};
+use crate::shell::Shell;
 use crate::vet::vet;
 
 /// Samples that go through the velocity network at once.
@@ -96,6 +97,8 @@ struct Seen {
     latent: Vec<f32>,
     /// From the object's axes to those of the grid.
     axes: UnitQuaternion<f64>,
+    /// Where the flow begins, if not about the middle.
+    shell: Option<Shell>,
 }
 
 impl FlowModel {
@@ -195,7 +198,7 @@ impl FlowModel {
             None => (0.0, 0),
         };
         for attempt in 0..=redraws {
-            let mut samples = self.noise(object, gripper, &open, run_seed, attempt);
+            let mut samples = self.noise(object, &seen, gripper, &open, run_seed, attempt);
             let mut field = Bound {
                 model: self,
                 seen: &seen,
@@ -238,7 +241,7 @@ impl FlowModel {
     ) -> Result<Vec<FlowPath>, ModelError> {
         let seen = self.look(object)?;
         let numbers: Vec<u64> = (0..count).collect();
-        let mut samples = self.noise(object, gripper, &numbers, run_seed, 0);
+        let mut samples = self.noise(object, &seen, gripper, &numbers, run_seed, 0);
         let steps = steps.unwrap_or(self.card.steps);
         let mut way = Way::new(steps, self.card.integrator, BATCH);
         let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
@@ -272,13 +275,23 @@ impl FlowModel {
         let grid = SdfGrid::bake(surface, self.card.resolution, self.card.padding);
         let sdf = NormalisedSdf::new(&grid, self.card.normalisation);
         let latent = self.encode(&sdf.values, sdf.scale_m, Some(&object.id))?;
-        Ok(Seen { sdf, latent, axes })
+        let shell = match self.card.noise {
+            NoiseKind::Normal => None,
+            NoiseKind::Surface => Some(Shell::new(&sdf)),
+        };
+        Ok(Seen {
+            sdf,
+            latent,
+            axes,
+            shell,
+        })
     }
 
     /// Where the flow begins.
     fn noise(
         &self,
         object: &Object,
+        seen: &Seen,
         gripper: &Gripper,
         numbers: &[u64],
         run_seed: u64,
@@ -286,6 +299,7 @@ impl FlowModel {
     ) -> Vec<FlowSample> {
         let std = self.card.noise_translation_std;
         let noise = Noise::new(run_seed, &object.id, &gripper.name, attempt, std);
+        let noise = noise.about(seen.shell.as_ref());
         numbers.iter().map(|&number| noise.at(number)).collect()
     }
 

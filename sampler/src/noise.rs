@@ -10,6 +10,7 @@ use statrs::distribution::{ContinuousCDF as _, Normal};
 
 use crate::flow::FlowSample;
 use crate::seed;
+use crate::shell::Shell;
 
 /// Points of one scrambled sequence; what comes after begins another.
 const SEQUENCE: u64 = 1 << 16;
@@ -22,6 +23,7 @@ pub struct Noise<'a> {
     gripper: &'a str,
     translation_std: f64,
     normal: Normal,
+    shell: Option<&'a Shell>,
 }
 
 impl<'a> Noise<'a> {
@@ -43,7 +45,13 @@ impl<'a> Noise<'a> {
             gripper,
             translation_std,
             normal: Normal::standard(),
+            shell: None,
         }
+    }
+
+    /// Translations begin in a shell instead, if there is one.
+    pub fn about(self, shell: Option<&'a Shell>) -> Self {
+        Self { shell, ..self }
     }
 
     /// Where the grasp of this number begins.
@@ -58,7 +66,10 @@ impl<'a> Noise<'a> {
         let coordinate =
             |dimension| self.translation_std * self.normal.inverse_cdf(uniform(dimension));
         FlowSample {
-            translation: Vector3::new(coordinate(0), coordinate(1), coordinate(2)),
+            translation: match self.shell {
+                Some(shell) => shell.at([0, 1, 2].map(uniform)),
+                None => Vector3::new(coordinate(0), coordinate(1), coordinate(2)),
+            },
             rotation: rotation(uniform(3), uniform(4), uniform(5)),
         }
     }

@@ -103,6 +103,28 @@ fn the_number_of_candidates_and_the_batch_do_not_change_a_candidate() {
     assert_eq!(many[..7], few[..]);
 }
 
+/// A flow that stands still draws its noise: with `noise = "surface"` close to the surface, wherever that is.
+#[test]
+fn a_flow_may_begin_close_to_the_surface() {
+    let dir = tempfile::tempdir().unwrap();
+    card(dir.path(), 24, 1, "noise = 'surface'\n");
+    save(&small_encoder(24), &dir.path().join("encoder.onnx"));
+    save(&still_velocity(), &dir.path().join("velocity.onnx"));
+    let gripper = Gripper::load("franka_panda").unwrap();
+    let object = Family::Mug.member(0).object().unwrap();
+    let cell_m = 1.1 * object.surface.mesh().extents().max() / 23.0;
+    let mut model = FlowModel::load(dir.path(), None).unwrap();
+    let grasps = model.sample(&object, &gripper, 300, 5, in_steps(None));
+    let mut sides = [0; 2];
+    for grasp in grasps.unwrap() {
+        let point = grasp.object_from_hand.translation.vector.into();
+        let distance_m = object.surface.signed_distance(&point);
+        assert!(distance_m.abs() < 3.0 * cell_m, "{distance_m} {cell_m}");
+        sides[usize::from(distance_m < 0.0)] += 1;
+    }
+    assert!(sides.iter().all(|n| *n > 60), "{sides:?}");
+}
+
 /// The flow stands still, so a grasp ends where its noise began, and the evaluator's score is a known
 /// function of that: which attempt each number takes can be told from the streams.
 #[test]

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use shakedown_objects::{NormalisedSdf, Probe};
 use shakedown_sampler::seed;
 
+use crate::coupling;
 use crate::data::{Pair, TrainingObject};
 use crate::features::{self, LENGTH_UNIT_M};
 use crate::pairing;
@@ -36,7 +37,7 @@ pub struct Batches<'a> {
     preset: &'a Preset,
     objects: &'a [TrainingObject],
     probe: Probe,
-    /// Sums of the objects' difficulties, where a teacher has shown them; else all are drawn alike.
+    /// Sums of the objects' shares, times their difficulties where a teacher has shown them.
     up_to: Vec<f32>,
     run_seed: u64,
 }
@@ -59,13 +60,19 @@ struct Part {
 }
 
 impl<'a> Batches<'a> {
-    /// Batches of `objects`, each of which has grasps.
+    /// Batches of `objects`, each of which has grasps, and couplings if the preset wants them.
+    ///
+    /// # Panics
+    /// If one lacks them.
     pub fn new(preset: &'a Preset, objects: &'a [TrainingObject], run_seed: u64) -> Self {
+        assert!(
+            preset.flow.couplings == 0 || objects.iter().all(|o| !o.couplings.is_empty()),
+            "the preset wants couplings"
+        );
         let is_taught = objects.iter().any(|o| !o.pairs.is_empty());
-        let taught = if is_taught { objects } else { &[] };
         let mut sum = 0.0;
-        let up_to = taught.iter().map(|o| {
-            sum += o.difficulty();
+        let up_to = objects.iter().map(|o| {
+            sum += o.share * if is_taught { o.difficulty() } else { 1.0 };
             sum
         });
         Self {
@@ -81,13 +88,11 @@ impl<'a> Batches<'a> {
     pub fn batch(&self, step: u64) -> Batch {
         let mut chosen = seed::stream(self.run_seed, "batch-v1", "", "", step);
         let picks: Vec<usize> = (0..self.preset.training.objects_per_batch)
-            .map(|_| match self.up_to.last() {
-                None => chosen.random_range(0..self.objects.len()),
-                Some(sum) => {
-                    let at = sum * chosen.random::<f32>();
-                    let pick = self.up_to.partition_point(|u| *u <= at);
-                    pick.min(self.objects.len() - 1)
-                }
+            .map(|_| {
+                let sum = self.up_to.last().expect("there are objects");
+                let at = sum * chosen.random::<f32>();
+                let pick = self.up_to.partition_point(|u| *u <= at);
+                pick.min(self.objects.len() - 1)
             })
             .collect();
         let parts: Vec<Part> = picks
@@ -198,6 +203,20 @@ impl<'a> Batches<'a> {
         rng: &mut ChaCha8Rng,
     ) -> Vec<Way> {
         let (flow, training) = (&self.preset.flow, &self.preset.training);
+        let way = |(from, to)| Way {
+            from,
+            to,
+            start: 0.0,
+            within: [0.0, until],
+        };
+        let coupled = &object.couplings;
+        if !coupled.is_empty() {
+            let of = |_| coupled[rng.random_range(0..coupled.len())].map(|pose| turned_by * pose);
+            return (0..count)
+                .map(of)
+                .map(|[from, to]| way((from, to)))
+                .collect();
+        }
         let mut grasps: Vec<Isometry3<f32>> = (0..count)
             .map(|_| {
                 let mut pose = object.poses[rng.random_range(0..object.poses.len())];
@@ -208,22 +227,12 @@ impl<'a> Batches<'a> {
             })
             .collect();
         let noise: Vec<Isometry3<f32>> = (0..count)
-            .map(|_| {
-                let t = seed::normal_vector(rng) * flow.noise_translation_std;
-                let r = seed::uniform_rotation(rng);
-                Isometry3::from_parts(Translation3::from(t.cast()), r.cast())
-            })
+            .map(|_| coupling::noise(flow, None, rng))
             .collect();
         if flow.optimal_transport {
             let order = pairing::optimal(&noise, &grasps, unit, training.translation_weight);
             grasps = order.into_iter().map(|j| grasps[j]).collect();
         }
-        let way = |(from, to)| Way {
-            from,
-            to,
-            start: 0.0,
-            within: [0.0, until],
-        };
         noise.into_iter().zip(grasps).map(way).collect()
     }
 }

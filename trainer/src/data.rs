@@ -16,6 +16,8 @@ use crate::preset::Preset;
 pub struct TrainingObject {
     /// Identity.
     pub id: String,
+    /// How often it is drawn, beside others: 1, or less for one of several copies.
+    pub share: f32,
     /// The grid the network sees.
     pub sdf: NormalisedSdf,
     /// The model's frame on the hand.
@@ -26,6 +28,9 @@ pub struct TrainingObject {
     pub moments: Moments,
     /// Poses of the model's frame in the normalised frame of the grid.
     pub poses: Vec<Isometry3<f32>>,
+    /// Noise with the grasps that it shall become, both in that frame; where there is none, noise is drawn
+    /// and paired anew in every batch.
+    pub couplings: Vec<[Isometry3<f32>; 2]>,
     /// Poses on their way with the grasps that they shall become, both in that frame. What comes
     /// before the earliest of their times, or all where there are none, is drawn and paired anew in
     /// every batch. Those that are mended come first.
@@ -53,11 +58,13 @@ impl TrainingObject {
         let moments = Moments::new(&sdf.values, sdf.resolution);
         let mut object = Self {
             id: id.to_owned(),
+            share: 1.0,
             sdf,
             frame,
             histogram,
             moments,
             poses: Vec::new(),
+            couplings: Vec::new(),
             pairs: Vec::new(),
         };
         let pose = |g: &Grasp| object.normalised(&g.object_from_hand, tcp_z_m);

@@ -93,6 +93,7 @@ fn card(preset: &Preset, provenance: &Provenance) -> ModelCard {
         centring: flow.centring,
         normalisation: flow.normalisation,
         noise_translation_std: flow.noise_translation_std,
+        noise: flow.noise,
         steps: flow.steps,
         integrator: flow.integrator,
         control_points_m: if preset.network.hand_frame {

@@ -1,7 +1,7 @@
 //! Where the flow model comes from: Riemannian flow matching on SE(3), trained in Rust and
 //! exported to the two ONNX graphs of the contract.
 //!
-//! data ([`data`]) -> batches of noise, path and target ([`batch`], [`pairing`], [`features`], [`moments`]) ->
+//! data ([`data`]) -> noise with its grasps ([`coupling`], [`pairing`]) -> batches of path and target ([`batch`], [`features`], [`moments`]) ->
 //! network ([`network`]) and gradient ([`gradient`], of [`layer`], [`conv`], [`activation`] and
 //! [`product`]) -> optimiser ([`adam`]) -> loop ([`train`]) with
 //! checkpoints and a log -> graphs ([`export`], [`onnx`]).
@@ -16,6 +16,7 @@ pub mod adam;
 pub mod batch;
 pub mod checkpoint;
 pub mod conv;
+pub mod coupling;
 pub mod data;
 pub mod error;
 pub mod evaluator;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use shakedown_objects::Normalisation;
-use shakedown_sampler::{Centring, Integrator};
+use shakedown_sampler::{Centring, Integrator, NoiseKind};
 
 use crate::error::TrainError;
 
@@ -71,6 +71,9 @@ pub struct FlowPreset {
     pub normalisation: Normalisation,
     /// Standard deviation of the initial translation, normalised.
     pub noise_translation_std: f64,
+    /// Where translations begin; with `surface` the standard deviation above has no say.
+    #[serde(default)]
+    pub noise: NoiseKind,
     /// Steps of the sampler.
     pub steps: usize,
     /// Integrator of the sampler.
@@ -80,6 +83,10 @@ pub struct FlowPreset {
     /// Pair the noise of an object with its grasps by least total cost instead of at random
     /// (minibatch optimal transport; A. Tong et al., TMLR 2024).
     pub optimal_transport: bool,
+    /// So many points of noise of each object are paired with its grasps by least total cost once and for all
+    /// ([`crate::coupling`]) instead; 0: noise is drawn anew in every batch.
+    #[serde(default)]
+    pub couplings: usize,
     /// Turn object and grasps at random in every batch.
     pub random_rotation: bool,
 }
@@ -193,6 +200,12 @@ impl Preset {
                 "network.moments needs network.hand_frame and flow.normalisation = \"half_edge\""
                     .into(),
             );
+        }
+        if f.noise == NoiseKind::Surface && f.couplings == 0 {
+            return Err("flow.noise = \"surface\" needs flow.couplings above 0".into());
+        }
+        if f.optimal_transport && f.couplings > 0 {
+            return Err("flow.optimal_transport pairs in every batch, flow.couplings once and for all: give one".into());
         }
         let positive = [
             ("flow.noise_translation_std", f.noise_translation_std),

@@ -43,6 +43,7 @@ fn small(name: &str) -> Preset {
     preset.training.objects_per_batch = 2;
     preset.training.grasps_per_object = 8;
     preset.training.steps = 100;
+    preset.flow.couplings = preset.flow.couplings.min(48);
     preset
 }
 
@@ -57,14 +58,16 @@ fn data(preset: &Preset) -> Vec<TrainingObject> {
         .map(|family| {
             let object = object(family);
             let grasps = sample_antipodal(&object, &gripper, 20, 0, &AntipodalSettings::default());
-            TrainingObject::new(
+            let mut object = TrainingObject::new(
                 &object.id,
                 &object.surface,
                 &grasps,
                 gripper.tcp_z_m,
                 preset,
             )
-            .unwrap()
+            .unwrap();
+            object.couple(preset, 3);
+            object
         })
         .collect()
 }
@@ -250,6 +253,62 @@ fn a_stopped_training_resumes_to_the_same_bytes_on_any_number_of_threads() {
             assert!(read(&whole) == read(&cut), "{name}: {file}");
         }
     }
+}
+
+/// Coupled noise begins close to the surface and goes to grasps of the object, on ways much shorter than those of a
+/// random pairing; a first stage learns from nothing else.
+#[test]
+fn noise_is_coupled_with_grasps_close_to_it() {
+    let mut preset = small("best");
+    preset.flow.couplings = 300;
+    for o in &mut data(&preset) {
+        assert_eq!(o.couplings.len(), 300);
+        let cell = 2.0 * o.sdf.half_edge / (o.sdf.resolution - 1) as f32;
+        let way = |from: &Isometry3<f32>, to: &Isometry3<f32>| {
+            (from.translation.vector - to.translation.vector).norm()
+        };
+        let (mut coupled, mut random) = (0.0, 0.0);
+        for (i, [from, to]) in o.couplings.iter().enumerate() {
+            assert!(o.poses.contains(to));
+            let distance = o.sdf.at(from.translation.vector.data.0[0]);
+            assert!(distance.abs() < 3.0 * cell, "{distance} of cells of {cell}");
+            coupled += way(from, to);
+            random += way(from, &o.poses[i % o.poses.len()]);
+        }
+        assert!(coupled < 0.7 * random, "{}: {coupled} {random}", o.id);
+        // One coupling alone: every trajectory is its own.
+        o.couplings.truncate(1);
+        let [from, _] = o.couplings[0];
+        o.couplings = vec![[from; 2]];
+        let still = Batches::new(&preset, std::slice::from_ref(o), 0).batch(0);
+        assert!(still.targets.iter().all(|x| x.abs() < 1e-4));
+    }
+}
+
+/// An object that shall be shown a quarter as often as another is.
+#[test]
+fn objects_are_shown_by_their_shares() {
+    let preset = small("best");
+    let mut objects = data(&preset);
+    objects[1].share = 0.25;
+    let seldom = objects[1].sdf.scale_m as f32;
+    assert_ne!(objects[0].sdf.scale_m as f32, seldom);
+    let batches = Batches::new(&preset, &objects, 0);
+    let shown: Vec<f32> = (0..300).flat_map(|i| batches.batch(i).scale_m).collect();
+    let share = shown.iter().filter(|s| **s == seldom).count() as f64 / shown.len() as f64;
+    assert!((share - 0.2).abs() < 0.05, "{share}");
+}
+
+#[test]
+fn a_preset_that_contradicts_itself_is_refused() {
+    let mut preset = small("best");
+    preset.flow.optimal_transport = true;
+    let error = preset.check().unwrap_err().to_string();
+    assert!(error.contains("give one"), "{error}");
+    preset.flow.optimal_transport = false;
+    preset.flow.couplings = 0;
+    let error = preset.check().unwrap_err().to_string();
+    assert!(error.contains("flow.couplings"), "{error}");
 }
 
 fn from_noise(from: Isometry3<f32>, to: Isometry3<f32>) -> Pair {
