@@ -1,5 +1,6 @@
 //! Where does the flow begin? Points of a low-discrepancy sequence instead of independent ones: each
-//! number alone is distributed as the model was taught, and many together leave fewer gaps.
+//! number alone is distributed as the model was taught, and many together leave fewer gaps. A grasp that is drawn
+//! anew begins in the same place, turned another way: places that were spread evenly stay so.
 //!
 //! Owen-scrambled Sobol points (A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences",
 //! 1995; B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020), six numbers each.
@@ -15,10 +16,14 @@ use crate::shell::Shell;
 /// Points of one scrambled sequence; what comes after begins another.
 const SEQUENCE: u64 = 1 << 16;
 
+/// What places are drawn for, and the rotations of the first attempt.
+const PURPOSE: &str = "flow-v2";
+
 /// The sequence of an object, a hand and an attempt under the run's seed.
 pub struct Noise<'a> {
     run_seed: u64,
-    purpose: String,
+    /// What the rotations of this attempt are drawn for.
+    turn: String,
     object: &'a str,
     gripper: &'a str,
     translation_std: f64,
@@ -37,9 +42,9 @@ impl<'a> Noise<'a> {
     ) -> Self {
         Self {
             run_seed,
-            purpose: match attempt {
-                0 => "flow-v2".to_owned(),
-                n => format!("flow-v2, redraw {n}"),
+            turn: match attempt {
+                0 => PURPOSE.to_owned(),
+                n => format!("{PURPOSE}, redraw {n}"),
             },
             object,
             gripper,
@@ -58,9 +63,13 @@ impl<'a> Noise<'a> {
     pub fn at(&self, number: u64) -> FlowSample {
         let (block, point) = (number / SEQUENCE, (number % SEQUENCE) as u32);
         let (object, gripper) = (self.object, self.gripper);
-        let scramble = seed::stream(self.run_seed, &self.purpose, object, gripper, block).random();
+        let scramble = |purpose: &str| -> u32 {
+            seed::stream(self.run_seed, purpose, object, gripper, block).random()
+        };
+        let (place, turn) = (scramble(PURPOSE), scramble(&self.turn));
         // 24 bits a number; the middle of each cell keeps away from 0 and 1.
         let uniform = |dimension| {
+            let scramble = if dimension < 3 { place } else { turn };
             f64::from(sobol_burley::sample(point, dimension, scramble)) + 0.5 / (1u32 << 24) as f64
         };
         let coordinate =
@@ -101,6 +110,18 @@ mod tests {
         for other in others.into_iter().chain([noise(5, 0).at(SEQUENCE + 3)]) {
             assert_ne!(base, other);
         }
+    }
+
+    #[test]
+    fn another_attempt_begins_in_the_same_place_turned_another_way() {
+        let angle = |i| {
+            let (first, second) = (noise(5, 0).at(i), noise(5, 1).at(i));
+            assert_eq!(first.translation, second.translation);
+            first.rotation.angle_to(&second.rotation)
+        };
+        // Independent rotations are 2.2 rad apart on average.
+        let mean = (0..100).map(angle).sum::<f64>() / 100.0;
+        assert!((mean - 2.2).abs() < 0.2, "{mean}");
     }
 
     #[test]
