@@ -11,7 +11,7 @@ use crate::card::{Centring, ModelCard, ModelError, NoiseKind};
 use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, Way, integrate};
 use crate::graph::{Graph, Input};
-use crate::noise::Noise;
+use crate::noise::{Attempt, Noise};
 use crate::runtime::{Runtime, runtime};
 use crate::shell::Shell;
 use crate::vet::vet;
@@ -99,6 +99,32 @@ struct Seen {
     axes: UnitQuaternion<f64>,
     /// Where the flow begins, if not about the middle.
     shell: Option<Shell>,
+}
+
+/// So often a grasp is drawn anew in the same place, however bad it looks.
+const REDRAWS_IN_PLACE: usize = 31;
+
+/// A place is left if after that nothing there scores as much.
+const HOPELESS_SCORE: f32 = 0.1;
+
+/// The best of a grasp's attempts so far.
+struct Drawn {
+    sample: FlowSample,
+    score: f32,
+    /// The attempt that its place was drawn for.
+    place: usize,
+}
+
+impl Drawn {
+    /// Where the next attempt begins: in the same place, turned another way, so that places that were spread
+    /// evenly stay so; elsewhere once a place looks hopeless.
+    fn next_place(&self, attempt: usize) -> usize {
+        if attempt > REDRAWS_IN_PLACE && self.score < HOPELESS_SCORE {
+            attempt
+        } else {
+            self.place
+        }
+    }
 }
 
 impl FlowModel {
@@ -191,37 +217,49 @@ impl FlowModel {
         let seen = self.look(object)?;
         let steps = settings.steps.unwrap_or(self.card.steps);
         let integrator = self.card.integrator;
-        let mut open: Vec<u64> = (0..count).collect();
-        let mut best: Vec<(FlowSample, f32)> = Vec::with_capacity(open.len());
         let (least_score, redraws) = match &self.card.evaluator {
             Some(e) => (e.least_score as f32, settings.redraws.unwrap_or(e.redraws)),
             None => (0.0, 0),
         };
-        for attempt in 0..=redraws {
-            let mut samples = self.noise(object, &seen, gripper, &open, run_seed, attempt);
+        let mut best: Vec<Drawn> = Vec::with_capacity(count as usize);
+        let mut open: Vec<u64> = (0..count).collect();
+        for turn in 0..=redraws {
+            let begin = |&number: &u64| {
+                let place = best.get(number as usize).map_or(0, |b| b.next_place(turn));
+                (number, Attempt { place, turn })
+            };
+            let begins: Vec<(u64, Attempt)> = open.iter().map(begin).collect();
+            let mut samples = self.noise(object, &seen, gripper, &begins, run_seed);
             let mut field = Bound {
                 model: self,
                 seen: &seen,
             };
             integrate(&mut field, &mut samples, steps, integrator, BATCH)?;
             let scores = self.scores(&samples, &seen)?;
-            for (i, (sample, score)) in samples.into_iter().zip(scores).enumerate() {
-                if attempt == 0 {
-                    best.push((sample, score));
-                } else if score > best[open[i] as usize].1 {
-                    best[open[i] as usize] = (sample, score);
+            let drawn = samples.into_iter().zip(scores).zip(&begins);
+            for ((sample, score), (number, attempt)) in drawn {
+                let place = attempt.place;
+                let drawn = Drawn {
+                    sample,
+                    score,
+                    place,
+                };
+                match best.get_mut(*number as usize) {
+                    None => best.push(drawn),
+                    Some(best) if score > best.score => *best = drawn,
+                    Some(_) => {}
                 }
             }
-            open.retain(|&i| best[i as usize].1 < least_score);
+            open.retain(|&i| best[i as usize].score < least_score);
             if open.is_empty() {
                 break;
             }
         }
         let has_scores = self.evaluator.is_some();
-        let grasps = best.iter().zip(0..).map(|((sample, score), i)| {
-            let pose = self.grasp(sample, &seen, gripper);
+        let grasps = best.iter().zip(0..).map(|(drawn, i)| {
+            let pose = self.grasp(&drawn.sample, &seen, gripper);
             let mut grasp = Grasp::new(i, pose);
-            grasp.score = has_scores.then_some(f64::from(*score));
+            grasp.score = has_scores.then_some(f64::from(drawn.score));
             grasp
         });
         Ok(grasps.collect())
@@ -240,8 +278,8 @@ impl FlowModel {
         steps: Option<usize>,
     ) -> Result<Vec<FlowPath>, ModelError> {
         let seen = self.look(object)?;
-        let numbers: Vec<u64> = (0..count).collect();
-        let mut samples = self.noise(object, &seen, gripper, &numbers, run_seed, 0);
+        let begins: Vec<(u64, Attempt)> = (0..count).map(|i| (i, Attempt::default())).collect();
+        let mut samples = self.noise(object, &seen, gripper, &begins, run_seed);
         let steps = steps.unwrap_or(self.card.steps);
         let mut way = Way::new(steps, self.card.integrator, BATCH);
         let mut states: Vec<Vec<FlowSample>> = samples.iter().map(|s| vec![*s]).collect();
@@ -293,14 +331,15 @@ impl FlowModel {
         object: &Object,
         seen: &Seen,
         gripper: &Gripper,
-        numbers: &[u64],
+        begins: &[(u64, Attempt)],
         run_seed: u64,
-        attempt: usize,
     ) -> Vec<FlowSample> {
         let std = self.card.noise_translation_std;
-        let noise = Noise::new(run_seed, &object.id, &gripper.name, attempt, std);
-        let noise = noise.about(seen.shell.as_ref());
-        numbers.iter().map(|&number| noise.at(number)).collect()
+        let noise = Noise::new(run_seed, &object.id, &gripper.name, std).about(seen.shell.as_ref());
+        begins
+            .iter()
+            .map(|(i, attempt)| noise.at(*i, *attempt))
+            .collect()
     }
 
     /// What the evaluator believes; all certain where there is none.

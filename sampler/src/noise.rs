@@ -1,6 +1,5 @@
 //! Where does the flow begin? Points of a low-discrepancy sequence instead of independent ones: each
-//! number alone is distributed as the model was taught, and many together leave fewer gaps. A grasp that is drawn
-//! anew begins in the same place, turned another way: places that were spread evenly stay so.
+//! number alone is distributed as the model was taught, and many together leave fewer gaps.
 //!
 //! Owen-scrambled Sobol points (A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences",
 //! 1995; B. Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020), six numbers each.
@@ -16,14 +15,9 @@ use crate::shell::Shell;
 /// Points of one scrambled sequence; what comes after begins another.
 const SEQUENCE: u64 = 1 << 16;
 
-/// What places are drawn for, and the rotations of the first attempt.
-const PURPOSE: &str = "flow-v2";
-
-/// The sequence of an object, a hand and an attempt under the run's seed.
+/// The sequences of an object and a hand under the run's seed.
 pub struct Noise<'a> {
     run_seed: u64,
-    /// What the rotations of this attempt are drawn for.
-    turn: String,
     object: &'a str,
     gripper: &'a str,
     translation_std: f64,
@@ -31,21 +25,20 @@ pub struct Noise<'a> {
     shell: Option<&'a Shell>,
 }
 
+/// Which draw of a grasp? Place and turn are drawn apart, each by the number of an attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Attempt {
+    /// The attempt for which the place was drawn.
+    pub place: usize,
+    /// The attempt itself: what the rotation is drawn for.
+    pub turn: usize,
+}
+
 impl<'a> Noise<'a> {
     /// `translation_std`: standard deviation of each coordinate, in the model's normalised frame.
-    pub fn new(
-        run_seed: u64,
-        object: &'a str,
-        gripper: &'a str,
-        attempt: usize,
-        translation_std: f64,
-    ) -> Self {
+    pub fn new(run_seed: u64, object: &'a str, gripper: &'a str, translation_std: f64) -> Self {
         Self {
             run_seed,
-            turn: match attempt {
-                0 => PURPOSE.to_owned(),
-                n => format!("{PURPOSE}, redraw {n}"),
-            },
             object,
             gripper,
             translation_std,
@@ -59,14 +52,18 @@ impl<'a> Noise<'a> {
         Self { shell, ..self }
     }
 
-    /// Where the grasp of this number begins.
-    pub fn at(&self, number: u64) -> FlowSample {
+    /// Where the grasp of this number begins in this attempt.
+    pub fn at(&self, number: u64, attempt: Attempt) -> FlowSample {
         let (block, point) = (number / SEQUENCE, (number % SEQUENCE) as u32);
         let (object, gripper) = (self.object, self.gripper);
-        let scramble = |purpose: &str| -> u32 {
-            seed::stream(self.run_seed, purpose, object, gripper, block).random()
+        let scramble = |attempt: usize| -> u32 {
+            let purpose = match attempt {
+                0 => "flow-v2".to_owned(),
+                n => format!("flow-v2, redraw {n}"),
+            };
+            seed::stream(self.run_seed, &purpose, object, gripper, block).random()
         };
-        let (place, turn) = (scramble(PURPOSE), scramble(&self.turn));
+        let (place, turn) = (scramble(attempt.place), scramble(attempt.turn));
         // 24 bits a number; the middle of each cell keeps away from 0 and 1.
         let uniform = |dimension| {
             let scramble = if dimension < 3 { place } else { turn };
@@ -97,27 +94,35 @@ fn rotation(a: f64, b: f64, c: f64) -> UnitQuaternion<f64> {
 mod tests {
     use super::*;
 
-    fn noise(run_seed: u64, attempt: usize) -> Noise<'static> {
-        Noise::new(run_seed, "mug", "panda", attempt, 0.5)
+    fn noise(run_seed: u64) -> Noise<'static> {
+        Noise::new(run_seed, "mug", "panda", 0.5)
+    }
+
+    /// In the first attempt.
+    fn at(run_seed: u64, number: u64) -> FlowSample {
+        noise(run_seed).at(number, Attempt::default())
     }
 
     #[test]
     fn every_seed_attempt_and_number_begins_elsewhere() {
-        let base = noise(5, 0).at(3);
-        assert_eq!(base, noise(5, 0).at(3));
-        let others = [noise(6, 0).at(3), noise(5, 1).at(3), noise(5, 0).at(4)];
+        let base = at(5, 3);
+        assert_eq!(base, at(5, 3));
+        let anew = |place, turn| noise(5).at(3, Attempt { place, turn });
+        let others = [at(6, 3), at(5, 4), anew(0, 1), anew(1, 1), anew(1, 2)];
         // After 65 536 numbers the points come again in another order.
-        for other in others.into_iter().chain([noise(5, 0).at(SEQUENCE + 3)]) {
+        for other in others.into_iter().chain([at(5, SEQUENCE + 3)]) {
             assert_ne!(base, other);
         }
     }
 
     #[test]
-    fn another_attempt_begins_in_the_same_place_turned_another_way() {
+    fn a_place_and_a_turn_are_drawn_apart() {
         let angle = |i| {
-            let (first, second) = (noise(5, 0).at(i), noise(5, 1).at(i));
-            assert_eq!(first.translation, second.translation);
-            first.rotation.angle_to(&second.rotation)
+            let anew = |place| noise(5).at(i, Attempt { place, turn: 1 });
+            assert_eq!(at(5, i).translation, anew(0).translation);
+            assert_ne!(at(5, i).translation, anew(1).translation);
+            assert_eq!(anew(0).rotation, anew(1).rotation);
+            at(5, i).rotation.angle_to(&anew(0).rotation)
         };
         // Independent rotations are 2.2 rad apart on average.
         let mean = (0..100).map(angle).sum::<f64>() / 100.0;
@@ -126,8 +131,7 @@ mod tests {
 
     #[test]
     fn many_together_have_the_moments_that_were_asked_for() {
-        let noise = noise(0, 0);
-        let samples: Vec<FlowSample> = (0..1 << 12).map(|number| noise.at(number)).collect();
+        let samples: Vec<FlowSample> = (0..1 << 12).map(|number| at(0, number)).collect();
         let n = samples.len() as f64;
         for k in 0..3 {
             let of = |power| {
@@ -160,9 +164,8 @@ mod tests {
         // Each of 16 slices of equal probability of a coordinate holds its share to within one.
         let normal = Normal::standard();
         for seed in 0..5 {
-            let noise = noise(seed, 0);
             let mut counts = [0i32; 16];
-            for s in (0..208).map(|number| noise.at(number)) {
+            for s in (0..208).map(|number| at(seed, number)) {
                 counts[(normal.cdf(s.translation.y / 0.5) * 16.0) as usize] += 1;
             }
             assert!(counts.iter().all(|c| (c - 13).abs() <= 1), "{counts:?}");

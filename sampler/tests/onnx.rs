@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use shakedown_gripper_assets::Gripper;
 use shakedown_objects::shapes::Family;
 use shakedown_objects::{Normalisation, SdfGrid};
-use shakedown_sampler::noise::Noise;
+use shakedown_sampler::noise::{Attempt, Noise};
 use shakedown_sampler::{DrawSettings, FlowModel};
 
 const XI: [f32; 9] = [2.0, -0.7, -1.0, 0.7, 2.0, -0.5, 1.0, 0.5, 2.0];
@@ -58,7 +58,8 @@ fn sampled_poses_equal_the_recurrence_and_approach_the_closed_form() {
                 .unwrap();
             let mut worst = 0.0f64;
             for g in &grasps {
-                let start = Noise::new(3, &object.id, &gripper.name, 0, 1.0).at(g.index);
+                let start =
+                    Noise::new(3, &object.id, &gripper.name, 1.0).at(g.index, Attempt::default());
                 let (r0, t0) = (start.rotation, start.translation);
                 let angle = g
                     .object_from_hand
@@ -141,7 +142,11 @@ fn a_grasp_below_the_least_score_is_drawn_anew_and_the_best_attempt_is_kept() {
     let drawn = model.sample(&object, &gripper, 300, 5, DrawSettings::default());
     let drawn = drawn.unwrap();
     let score = |attempt: usize, index: u64| {
-        let start = Noise::new(5, &object.id, &gripper.name, attempt, 1.0).at(index);
+        let attempt = Attempt {
+            place: 0,
+            turn: attempt,
+        };
+        let start = Noise::new(5, &object.id, &gripper.name, 1.0).at(index, attempt);
         let r = start.rotation.to_rotation_matrix()[(0, 0)];
         1.0 / (1.0 + (-4.0 * r).exp())
     };
