@@ -15,6 +15,9 @@ use crate::shell::Shell;
 /// Points of one scrambled sequence; what comes after begins another.
 const SEQUENCE: u64 = 1 << 16;
 
+/// Of so many places the nearest is taken for a grasp that leaves its own.
+const PLACES: usize = 4;
+
 /// The sequences of an object and a hand under the run's seed.
 pub struct Noise<'a> {
     run_seed: u64,
@@ -52,32 +55,48 @@ impl<'a> Noise<'a> {
         Self { shell, ..self }
     }
 
-    /// Where the grasp of this number begins in this attempt.
+    /// Where the grasp of this number begins in this attempt. A place that was drawn for a later attempt is the
+    /// nearest to the first of some, so that a grasp that has to leave its place does not go far.
     pub fn at(&self, number: u64, attempt: Attempt) -> FlowSample {
-        let (block, point) = (number / SEQUENCE, (number % SEQUENCE) as u32);
-        let (object, gripper) = (self.object, self.gripper);
-        let scramble = |attempt: usize| -> u32 {
-            let purpose = match attempt {
-                0 => "flow-v2".to_owned(),
-                n => format!("flow-v2, redraw {n}"),
-            };
-            seed::stream(self.run_seed, &purpose, object, gripper, block).random()
+        let first = self.place(number, "flow-v2");
+        let translation = match attempt.place {
+            0 => first,
+            n => (0..PLACES)
+                .map(|k| self.place(number, &format!("flow-v2, redraw {n}, place {k}")))
+                .min_by(|a, b| (a - first).norm().total_cmp(&(b - first).norm()))
+                .expect("some are drawn"),
         };
-        let (place, turn) = (scramble(attempt.place), scramble(attempt.turn));
-        // 24 bits a number; the middle of each cell keeps away from 0 and 1.
-        let uniform = |dimension| {
-            let scramble = if dimension < 3 { place } else { turn };
-            f64::from(sobol_burley::sample(point, dimension, scramble)) + 0.5 / (1u32 << 24) as f64
+        let purpose = match attempt.turn {
+            0 => "flow-v2".to_owned(),
+            n => format!("flow-v2, redraw {n}"),
         };
-        let coordinate =
-            |dimension| self.translation_std * self.normal.inverse_cdf(uniform(dimension));
+        let [a, b, c] = self.uniform(number, &purpose, [3, 4, 5]);
         FlowSample {
-            translation: match self.shell {
-                Some(shell) => shell.at([0, 1, 2].map(uniform)),
-                None => Vector3::new(coordinate(0), coordinate(1), coordinate(2)),
-            },
-            rotation: rotation(uniform(3), uniform(4), uniform(5)),
+            translation,
+            rotation: rotation(a, b, c),
         }
+    }
+
+    /// A place of this number.
+    fn place(&self, number: u64, purpose: &str) -> Vector3<f64> {
+        let uniform = self.uniform(number, purpose, [0, 1, 2]);
+        match self.shell {
+            Some(shell) => shell.at(uniform),
+            None => uniform
+                .map(|u| self.translation_std * self.normal.inverse_cdf(u))
+                .into(),
+        }
+    }
+
+    /// Three coordinates of a point of the sequence of some purpose.
+    fn uniform(&self, number: u64, purpose: &str, dimensions: [u32; 3]) -> [f64; 3] {
+        let (block, point) = (number / SEQUENCE, (number % SEQUENCE) as u32);
+        let mut stream = seed::stream(self.run_seed, purpose, self.object, self.gripper, block);
+        let scramble = stream.random();
+        // 24 bits a number; the middle of each cell keeps away from 0 and 1.
+        dimensions.map(|dimension| {
+            f64::from(sobol_burley::sample(point, dimension, scramble)) + 0.5 / (1u32 << 24) as f64
+        })
     }
 }
 
@@ -127,6 +146,16 @@ mod tests {
         // Independent rotations are 2.2 rad apart on average.
         let mean = (0..100).map(angle).sum::<f64>() / 100.0;
         assert!((mean - 2.2).abs() < 0.2, "{mean}");
+    }
+
+    #[test]
+    fn a_grasp_that_leaves_its_place_does_not_go_far() {
+        let way = |a: FlowSample, b: FlowSample| (a.translation - b.translation).norm();
+        let left = |i| noise(5).at(i, Attempt { place: 1, turn: 1 });
+        let mean = |of: &dyn Fn(u64) -> f64| (0..200).map(of).sum::<f64>() / 200.0;
+        let gone = mean(&|i| way(at(5, i), left(i)));
+        let apart = mean(&|i| way(at(5, i), at(6, i)));
+        assert!(gone < 0.7 * apart && gone > 0.2 * apart, "{gone} {apart}");
     }
 
     #[test]
