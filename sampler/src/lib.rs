@@ -17,6 +17,8 @@ mod graph;
 #[cfg(feature = "onnx")]
 pub mod network;
 #[cfg(feature = "onnx")]
+mod redraw;
+#[cfg(feature = "onnx")]
 pub mod runtime;
 #[cfg(feature = "onnx")]
 mod vet;

@@ -12,6 +12,7 @@ use crate::files::ModelFiles;
 use crate::flow::{FlowSample, Velocity, VelocityField, Way, integrate};
 use crate::graph::{Graph, Input};
 use crate::noise::{Attempt, Noise};
+use crate::redraw::Drawn;
 use crate::runtime::{Runtime, runtime};
 use crate::shell::Shell;
 use crate::vet::vet;
@@ -99,32 +100,6 @@ struct Seen {
     axes: UnitQuaternion<f64>,
     /// Where the flow begins, if not about the middle.
     shell: Option<Shell>,
-}
-
-/// So often a grasp is drawn anew in the same place, however bad it looks.
-const REDRAWS_IN_PLACE: usize = 31;
-
-/// A place is left if after that nothing there scores as much.
-const HOPELESS_SCORE: f32 = 0.1;
-
-/// The best of a grasp's attempts so far.
-struct Drawn {
-    sample: FlowSample,
-    score: f32,
-    /// The attempt that its place was drawn for.
-    place: usize,
-}
-
-impl Drawn {
-    /// Where the next attempt begins: in the same place, turned another way, so that places that were spread
-    /// evenly stay so; elsewhere once a place looks hopeless.
-    fn next_place(&self, attempt: usize) -> usize {
-        if attempt > REDRAWS_IN_PLACE && self.score < HOPELESS_SCORE {
-            attempt
-        } else {
-            self.place
-        }
-    }
 }
 
 impl FlowModel {
