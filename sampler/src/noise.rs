@@ -58,19 +58,15 @@ impl<'a> Noise<'a> {
     /// Where the grasp of this number begins in this attempt. A place that was drawn for a later attempt is the
     /// nearest to the first of some, so that a grasp that has to leave its place does not go far.
     pub fn at(&self, number: u64, attempt: Attempt) -> FlowSample {
-        let first = self.place(number, "flow-v2");
+        let first = self.place(number, &purpose(0));
         let translation = match attempt.place {
             0 => first,
             n => (0..PLACES)
-                .map(|k| self.place(number, &format!("flow-v2, redraw {n}, place {k}")))
+                .map(|k| self.place(number, &format!("{}, place {k}", purpose(n))))
                 .min_by(|a, b| (a - first).norm().total_cmp(&(b - first).norm()))
                 .expect("some are drawn"),
         };
-        let purpose = match attempt.turn {
-            0 => "flow-v2".to_owned(),
-            n => format!("flow-v2, redraw {n}"),
-        };
-        let [a, b, c] = self.uniform(number, &purpose, [3, 4, 5]);
+        let [a, b, c] = self.uniform(number, &purpose(attempt.turn), [3, 4, 5]);
         FlowSample {
             translation,
             rotation: rotation(a, b, c),
@@ -97,6 +93,14 @@ impl<'a> Noise<'a> {
         dimensions.map(|dimension| {
             f64::from(sobol_burley::sample(point, dimension, scramble)) + 0.5 / (1u32 << 24) as f64
         })
+    }
+}
+
+/// The name of what is drawn for an attempt.
+fn purpose(attempt: usize) -> String {
+    match attempt {
+        0 => "flow-v2".to_owned(),
+        n => format!("flow-v2, redraw {n}"),
     }
 }
 

@@ -19,7 +19,7 @@ use crate::preset::{FlowPreset, Preset};
 const GROUP: usize = 256;
 
 /// Weight of a squared decimetre beside a squared radian. So high that noise goes to a grasp close to it and
-/// turns there; 100 gives the same grasps.
+/// turns there; 100 does as well (docs/training.md).
 const TRANSLATION_WEIGHT: f32 = 20.0;
 
 impl TrainingObject {
